@@ -1,28 +1,13 @@
 #include "sim/compensation/channels.h"
-
-#include <cmath>
 #include <ctime>
-#include <iostream>
-#include <numbers>
-#include <random>
-#include <stdexcept>
-#include <vector>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
 #include "tests/compensation/courses.h"
-#include "tests/kinematics/nan.h"
+#include "tests/test.h"
 
 namespace abbe::sim::compensation {
 namespace {
 
-using Eigen::Index;
-using Eigen::Vector3d;
-using Eigen::VectorXd;
 using kinematics::Joint;
 using kinematics::Motion;
-using std::numbers::pi;
 using testing_courses::before;
 using testing_courses::course;
 using testing_courses::rms;
@@ -54,17 +39,15 @@ double missed(const TimeSeries& wanted, const TimeSeries& arrived, double from_s
 // ---- pulses
 
 TEST(PulseInsertion, QuantumIsUniformOverACountOnEveryAxisTogether) {
-  const unsigned seed = 20250320;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250320);
   std::normal_distribution<double> normal;
   const Vector3d q(1e-3, 0.5e-3, 2e-3);
   double sum = 0.0, expected = 0.0, least = infinity, most = 0.0;
   for (int trial = 0; trial < 20; ++trial) {
     const Vector3d n = Vector3d(normal(random), normal(random), normal(random)).normalized();
     // 25 counts a axis over 10 s on another bend each; the axes pass 200 periods a second.
-    TimeSeries wanted{VectorXd::LinSpaced(101, 0.0, 10.0), Eigen::MatrixXd(101, 3)};
-    TimeSeries motion{Eigen::Vector2d(0.0, 10.0), Eigen::MatrixXd::Zero(2, 3)};
+    TimeSeries wanted{VectorXd::LinSpaced(101, 0.0, 10.0), MatrixXd(101, 3)};
+    TimeSeries motion{Vector2d(0.0, 10.0), MatrixXd::Zero(2, 3)};
     for (int j = 0; j < 3; ++j) {
       wanted.value.col(j) =
           25.0 * q[j] * (wanted.time_s.array() / 10.0).pow(1.0 + 0.3 * j).matrix();
@@ -145,10 +128,9 @@ TEST(PulseInsertion, StartWhereTheFirstValueWantsThem) {
 }
 
 TEST(PulseInsertion, LeaveJointsThatAreNotFittedAtZero) {
-  TimeSeries wanted{Eigen::Vector2d(0.0, 1.0), Eigen::MatrixXd::Constant(2, 2, 0.5)};
-  const TimeSeries motion{Eigen::Vector2d(0.0, 1.0), Eigen::MatrixXd::Zero(2, 2)};
-  const TimeSeries arrived =
-      apply_channel(wanted, {Eigen::Vector2d(0.0, 1e-3), 1e-3, 2e-6, 3}, motion);
+  TimeSeries wanted{Vector2d(0.0, 1.0), MatrixXd::Constant(2, 2, 0.5)};
+  const TimeSeries motion{Vector2d(0.0, 1.0), MatrixXd::Zero(2, 2)};
+  const TimeSeries arrived = apply_channel(wanted, {Vector2d(0.0, 1e-3), 1e-3, 2e-6, 3}, motion);
   EXPECT_TRUE((arrived.value.col(0).array() == 0.0).all());
   EXPECT_NEAR(arrived.value(0, 1), 0.5, 0.5e-3);
 }
@@ -216,8 +198,7 @@ TEST(PulseInsertion, RefuseWhatTheyCannotBe) {
   EXPECT_THROW(apply_channel(course({{0.0, 0.0}, {1e9, 1.0}}), one_axis(1e-3), rest),
                std::invalid_argument)
       << "too many cycles";
-  EXPECT_THROW(apply_channel(ramp, {Eigen::Vector2d::Ones(), 1e-3, 2e-6, 0}, rest),
-               std::invalid_argument);
+  EXPECT_THROW(apply_channel(ramp, {Vector2d::Ones(), 1e-3, 2e-6, 0}, rest), std::invalid_argument);
 }
 
 // ---- open control
@@ -308,7 +289,7 @@ TEST(OriginShift, MovesInWholeIncrementsRoundedToNearest) {
 }
 
 TEST(OriginShift, MovesSlidesOnly) {
-  const TimeSeries wanted{Eigen::Vector2d(0.0, 1.0), Eigen::MatrixXd::Constant(2, 3, 0.5)};
+  const TimeSeries wanted{Vector2d(0.0, 1.0), MatrixXd::Constant(2, 3, 0.5)};
   const std::vector<Joint> three = joints({Motion::Rotary, Motion::Linear, Motion::Spindle});
   const TimeSeries arrived = apply_channel(wanted, OriginShift{}, three);
   EXPECT_EQ(value_at(arrived, 0.5), Vector3d(0.0, 0.5, 0.0));
@@ -317,17 +298,17 @@ TEST(OriginShift, MovesSlidesOnly) {
 TEST(OriginShift, GoesToEachNewOffsetAtItsRateAndNoFaster) {
   const double rate = 2.0;
   const std::vector<Joint> two = joints({Motion::Linear, Motion::Linear});
-  TimeSeries wanted{Eigen::Vector4d(0.0, 0.0, 1.0, 1.0), Eigen::MatrixXd(4, 2)};
+  TimeSeries wanted{Eigen::Vector4d(0.0, 0.0, 1.0, 1.0), MatrixXd(4, 2)};
   wanted.value << 0.0, 0.0, 1.0, -0.2, 1.0, -0.2, -3.0, 0.0;
   const TimeSeries arrived = apply_channel(wanted, {0.1, 0.05, 0.0, rate}, two);
   const auto at = [&](double t) { return value_at(arrived, t); };
-  EXPECT_EQ(at(0.05), Eigen::Vector2d(0.0, 0.0));
-  EXPECT_TRUE(at(0.10).isApprox(Eigen::Vector2d(0.1, -0.1), 1e-12));
-  EXPECT_TRUE(at(0.15).isApprox(Eigen::Vector2d(0.2, -0.2), 1e-12));
-  EXPECT_TRUE(at(0.55).isApprox(Eigen::Vector2d(1.0, -0.2), 1e-12));
-  EXPECT_EQ(at(1.0), Eigen::Vector2d(1.0, -0.2));
-  EXPECT_TRUE(at(2.05).isApprox(Eigen::Vector2d(-1.0, 0.0), 1e-12));
-  EXPECT_EQ(at(3.05), Eigen::Vector2d(-3.0, 0.0));
+  EXPECT_EQ(at(0.05), Vector2d(0.0, 0.0));
+  EXPECT_TRUE(at(0.10).isApprox(Vector2d(0.1, -0.1), 1e-12));
+  EXPECT_TRUE(at(0.15).isApprox(Vector2d(0.2, -0.2), 1e-12));
+  EXPECT_TRUE(at(0.55).isApprox(Vector2d(1.0, -0.2), 1e-12));
+  EXPECT_EQ(at(1.0), Vector2d(1.0, -0.2));
+  EXPECT_TRUE(at(2.05).isApprox(Vector2d(-1.0, 0.0), 1e-12));
+  EXPECT_EQ(at(3.05), Vector2d(-3.0, 0.0));
   for (Index i = 1; i < arrived.time_s.size(); ++i) {
     const double run = arrived.time_s[i] - arrived.time_s[i - 1];
     const double rise = (arrived.value.row(i) - arrived.value.row(i - 1)).cwiseAbs().maxCoeff();
@@ -359,7 +340,7 @@ TEST(OriginShift, RefusesWhatItCannotBe) {
 // ---- piezo
 
 TimeSeries displacement(const std::vector<double>& times, const std::vector<Vector3d>& values) {
-  TimeSeries result{VectorXd(Index(times.size())), Eigen::MatrixXd(Index(times.size()), 3)};
+  TimeSeries result{VectorXd(Index(times.size())), MatrixXd(Index(times.size()), 3)};
   for (std::size_t i = 0; i < times.size(); ++i) {
     result.time_s[Index(i)] = times[i];
     result.value.row(Index(i)) = values[i].transpose();

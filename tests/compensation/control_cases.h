@@ -1,17 +1,8 @@
 #pragma once
 
-#include <algorithm>
-#include <cmath>
 #include <ostream>
-#include <random>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/units.h"
 #include "sim/compensation/control_files.h"
+#include "tests/test.h"
 
 /// What the tests of tables and control files share.
 namespace abbe::sim::compensation::cases {
@@ -25,7 +16,6 @@ using kinematics::Side;
 
 /// w C' b X Y Z A s t with travel, C without end.
 inline Chain gantry() {
-  using Eigen::Vector3d;
   const auto slide = [](char name, const Vector3d& direction, double min, double max) {
     return Joint{name, Side::Tool, Motion::Linear, direction, {3, 40, 600}, min, max, {}, {}};
   };
@@ -59,20 +49,17 @@ ParameterTables any_tables(const Chain& chain, Random& random, const Shape& shap
     for (const int corrected_joint : {X, Y, Z, A}) {
       if ((argument_joint != corrected_joint && !shape.cross) || unit(random) < -0.4) continue;
       const Joint& joint = chain.joints()[std::size_t(argument_joint)];
-      const auto n = std::uniform_int_distribution<Eigen::Index>(2, shape.max_points)(random);
-      AxisTable table{argument_joint,
-                      corrected_joint,
-                      Eigen::VectorXd::LinSpaced(n, joint.min, joint.max),
-                      {},
-                      {}};
+      const auto n = std::uniform_int_distribution<Index>(2, shape.max_points)(random);
+      AxisTable table{
+          argument_joint, corrected_joint, VectorXd::LinSpaced(n, joint.min, joint.max), {}, {}};
       const double spacing = (joint.max - joint.min) / double(n - 1);
       if (!shape.even)
         for (double& p : table.position) p += 0.3 * spacing * unit(random);
       const double large = corrected_joint == A ? 1e-4 : 20e-3;
-      table.upward = Eigen::VectorXd::NullaryExpr(n, [&] { return large * unit(random); });
+      table.upward = VectorXd::NullaryExpr(n, [&] { return large * unit(random); });
       table.downward = table.upward;
       if (shape.has_direction_columns)
-        table.downward = Eigen::VectorXd::NullaryExpr(n, [&] { return large * unit(random); });
+        table.downward = VectorXd::NullaryExpr(n, [&] { return large * unit(random); });
       tables.tables.push_back(std::move(table));
     }
   return tables;

@@ -1,30 +1,18 @@
-#include "sim/compensation/time_series.h"
-
-#include <algorithm>
-#include <cmath>
 #include <ctime>
-#include <iostream>
-#include <random>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
+#include "sim/compensation/time_series.h"
 #include "tests/compensation/courses.h"
-#include "tests/kinematics/nan.h"
+#include "tests/test.h"
 
 namespace abbe::sim::compensation {
 namespace {
 
-using Eigen::Index;
-using Eigen::VectorXd;
 using testing_courses::before;
 using testing_courses::course;
 
 /// Steps, rests, jumps and ramps of all sizes; times repeat.
 TimeSeries any_course(std::mt19937& random, int knots, int columns) {
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
-  TimeSeries result{VectorXd(knots), Eigen::MatrixXd(knots, columns)};
+  TimeSeries result{VectorXd(knots), MatrixXd(knots, columns)};
   double time_s = unit(random);
   VectorXd value = VectorXd::Zero(columns);
   for (int i = 0; i < knots; ++i) {
@@ -89,9 +77,7 @@ TEST(TimeSeries, ThatIsNotValidIsRefused) {
 }
 
 TEST(TimeSeriesReader, SaysTheSameBitsAsValueAt) {
-  const unsigned seed = 20250301;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250301);
   for (int trial = 0; trial < 50; ++trial) {
     const TimeSeries c = any_course(random, 1 + trial, 2);
     std::vector<double> times(c.time_s.begin(), c.time_s.end());
@@ -107,9 +93,7 @@ TEST(TimeSeriesReader, SaysTheSameBitsAsValueAt) {
 }
 
 TEST(DecimatedMesh, StaysWithinItsToleranceAtEveryInstant) {
-  const unsigned seed = 20250302;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250302);
   double worst = 0.0;
   long knots = 0, kept = 0;
   for (int trial = 0; trial < 2000; ++trial) {
@@ -173,7 +157,7 @@ TEST(DecimatedMesh, KeepsOfASineAboutAsManyKnotsAsItsChordsNeed) {
 }
 
 TEST(DecimatedMesh, TakesTimeLinearInTheKnots) {
-  TimeSeries fine{VectorXd::LinSpaced(1000000, 0.0, 3600.0), Eigen::MatrixXd(1000000, 5)};
+  TimeSeries fine{VectorXd::LinSpaced(1000000, 0.0, 3600.0), MatrixXd(1000000, 5)};
   for (int j = 0; j < 5; ++j)
     fine.value.col(j) = ((j + 1.0) * fine.time_s.array()).sin().matrix() * 1e-2;
   const std::clock_t start = std::clock();

@@ -1,9 +1,7 @@
 #pragma once
 
-#include <cmath>
-#include <vector>
-
 #include "sim/compensation/time_series.h"
+#include "tests/test.h"
 
 /// Courses that several tests of channels need.
 namespace abbe::sim::compensation::testing_courses {
@@ -15,20 +13,19 @@ struct Knot {
 
 /// One column through these knots.
 inline TimeSeries course(const std::vector<Knot>& knots) {
-  TimeSeries result{Eigen::VectorXd(Eigen::Index(knots.size())),
-                    Eigen::MatrixXd(Eigen::Index(knots.size()), 1)};
+  TimeSeries result{VectorXd(Index(knots.size())), MatrixXd(Index(knots.size()), 1)};
   for (std::size_t i = 0; i < knots.size(); ++i) {
-    result.time_s[Eigen::Index(i)] = knots[i].time_s;
-    result.value(Eigen::Index(i), 0) = knots[i].value;
+    result.time_s[Index(i)] = knots[i].time_s;
+    result.value(Index(i), 0) = knots[i].value;
   }
   return result;
 }
 
 /// Value just before an instant, by looking at every knot: what a jump starts from.
-inline double before(const TimeSeries& course, double time_s, Eigen::Index column) {
-  const Eigen::Index n = course.time_s.size();
+inline double before(const TimeSeries& course, double time_s, Index column) {
+  const Index n = course.time_s.size();
   if (time_s <= course.time_s[0]) return course.value(0, column);
-  Eigen::Index next = 0;
+  Index next = 0;
   while (next < n && course.time_s[next] < time_s) ++next;
   if (next == n) return course.value(n - 1, column);
   const double share =

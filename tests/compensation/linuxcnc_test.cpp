@@ -1,18 +1,7 @@
-#include <array>
-#include <cstdio>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iostream>
-#include <sstream>
-
-#include <gtest/gtest.h>
-#include <unistd.h>
-
-#include "kinematics/units.h"
 #include "sim/compensation/control_files.h"
 #include "tests/compensation/control_cases.h"
 #include "tests/oracles/linuxcnc_folder.h"
+#include "tests/test.h"
 
 namespace abbe::sim::compensation {
 namespace {
@@ -24,7 +13,7 @@ ParameterTables linuxcnc_tables(const std::vector<ControlFile>& files) {
 }
 
 AxisTable two_points() {
-  return {Y, Y, Eigen::Vector2d(-10, 20), Eigen::Vector2d(1e-3, -2e-3), Eigen::Vector2d(0, 5e-3)};
+  return {Y, Y, Vector2d(-10, 20), Vector2d(1e-3, -2e-3), Vector2d(0, 5e-3)};
 }
 
 TEST(LinuxCnc, WritesTrimsAndTheIniLinesThatLoadThem) {
@@ -98,10 +87,10 @@ TEST(LinuxCnc, SaysWhatItCannotHold) {
   tables.offset[A] = 4e-6;
   AxisTable cross = two_points();
   cross.corrected_joint = Z;
-  AxisTable long_one{X, X, Eigen::VectorXd::LinSpaced(300, 0, 299), {}, {}};
+  AxisTable long_one{X, X, VectorXd::LinSpaced(300, 0, 299), {}, {}};
   long_one.upward = long_one.position.array().square() * 1e-6;
   long_one.downward = long_one.upward;
-  AxisTable turned{C, C, Eigen::Vector2d(0, 6), Eigen::Vector2d(0, 1e-5), Eigen::Vector2d(0, 0)};
+  AxisTable turned{C, C, Vector2d(0, 6), Vector2d(0, 1e-5), Vector2d(0, 0)};
   tables.tables = {cross, long_one, turned};
   const ControlExport made = to_control(tables, gantry(), ControlFormat::LinuxCnc);
   for (const std::string& sentence : made.omissions) std::cout << sentence << "\n";
@@ -117,8 +106,7 @@ TEST(LinuxCnc, SaysWhatItCannotHold) {
 
 TEST(LinuxCnc, SeveralTablesOfAnAxisAreAddedUp) {
   ParameterTables tables = none();
-  AxisTable other{Y, Y, Eigen::Vector3d(-20, 5, 20), Eigen::Vector3d(0, 1e-3, 0),
-                  Eigen::Vector3d(0, 0, 1e-3)};
+  AxisTable other{Y, Y, Vector3d(-20, 5, 20), Vector3d(0, 1e-3, 0), Vector3d(0, 0, 1e-3)};
   tables.tables = {two_points(), other};
   std::mt19937 random(7);
   const ControlExport made = to_control(tables, gantry(), ControlFormat::LinuxCnc);
@@ -156,9 +144,7 @@ double as_linuxcnc(const std::string& text, double position, bool up) {
 }
 
 TEST(LinuxCnc, WhatIsReadIsWhatItsMotionControllerDoes) {
-  const unsigned seed = 20250701;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250701);
   const Chain chain = gantry();
   double largest = 0.0;
   for (int run = 0; run < 10; ++run) {
@@ -182,9 +168,7 @@ TEST(LinuxCnc, WhatIsReadIsWhatItsMotionControllerDoes) {
 }
 
 TEST(LinuxCnc, RandomTablesComeBack) {
-  const unsigned seed = 20250702;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250702);
   const Chain chain = gantry();
   Difference largest;
   for (int run = 0; run < 100; ++run) {
@@ -319,8 +303,7 @@ int __libc_start_main(void* a, int b, char** c, void* d, void* e, void* f, void*
 using Triplet = std::array<double, 3>;
 
 /// Triplets that LinuxCNC itself loads from a file; every number must differ from zero.
-std::vector<Triplet> loaded_by_linuxcnc(const std::filesystem::path& linuxcnc,
-                                        const std::filesystem::path& folder,
+std::vector<Triplet> loaded_by_linuxcnc(const fs::path& linuxcnc, const fs::path& folder,
                                         const std::string& text, int type) {
   std::ofstream(folder / "axis.comp") << text;
   const std::string usr = (linuxcnc / "usr").string(), here = folder.string();
@@ -343,18 +326,15 @@ std::vector<Triplet> loaded_by_linuxcnc(const std::filesystem::path& linuxcnc,
 TEST(LinuxCnc, ItselfLoadsTheFilesAsTheyAreRead) {
   const auto linuxcnc = oracles::linuxcnc_folder();
   if (!linuxcnc) GTEST_SKIP() << "no LinuxCNC: ./abbe setup --linuxcnc";
-  const auto folder =
-      std::filesystem::temp_directory_path() / ("abbe-linuxcnc-" + std::to_string(::getpid()));
-  std::filesystem::create_directories(folder);
+  const auto folder = fs::temp_directory_path() / ("abbe-linuxcnc-" + std::to_string(::getpid()));
+  fs::create_directories(folder);
   std::ofstream(folder / "stead.c") << in_its_stead;
   const std::string here = folder.string();
   if (std::system(
           ("cc -w -shared -fPIC -o " + here + "/stead.so " + here + "/stead.c -ldl -lm").c_str()) !=
       0)
     GTEST_SKIP() << "no C compiler";
-  const unsigned seed = 20250707;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250707);
   const Chain chain = gantry();
   const ParameterTables tables = any_tables(chain, random, {false, true, false, 256});
   int lines = 0;
@@ -369,9 +349,9 @@ TEST(LinuxCnc, ItselfLoadsTheFilesAsTheyAreRead) {
                                          "\nCOMP_FILE_TYPE = " + std::to_string(type)}})
               .tables.at(0);
       const double unit = f.name == "A.comp" ? units::deg : 1.0;
-      ASSERT_EQ(Eigen::Index(theirs.size()), ours.position.size()) << f.name;
+      ASSERT_EQ(Index(theirs.size()), ours.position.size()) << f.name;
       for (std::size_t k = 0; k < theirs.size(); ++k) {
-        const auto i = Eigen::Index(k);
+        const auto i = Index(k);
         EXPECT_EQ(theirs[k][0] * unit, ours.position[i]);
         EXPECT_EQ(double(float(theirs[k][1])) * unit, ours.upward[i]);
         EXPECT_EQ(double(float(theirs[k][2])) * unit, ours.downward[i]);
@@ -379,7 +359,7 @@ TEST(LinuxCnc, ItselfLoadsTheFilesAsTheyAreRead) {
       lines += int(theirs.size());
     }
   }
-  std::filesystem::remove_all(folder);
+  fs::remove_all(folder);
   std::cout << lines << " lines loaded alike\n";
   EXPECT_GT(lines, 200);
 }

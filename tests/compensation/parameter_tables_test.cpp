@@ -1,15 +1,6 @@
 #include "sim/compensation/parameter_tables.h"
-
-#include <cmath>
-#include <iostream>
-#include <limits>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
 #include "tests/compensation/control_cases.h"
-#include "tests/kinematics/nan.h"
+#include "tests/test.h"
 
 namespace abbe::sim::compensation {
 namespace {
@@ -90,7 +81,7 @@ TEST(ParameterTables, SpacingWidensWhereTooManyPointsWouldBeNeeded) {
   options.spacing = 1e-300;
   EXPECT_EQ(table_positions(chain, X, options).size(), 256);
   options.max_points = 2;
-  EXPECT_EQ(table_positions(chain, X, options), Eigen::Vector2d(-300, 300));
+  EXPECT_EQ(table_positions(chain, X, options), Vector2d(-300, 300));
   options.spacing = std::numeric_limits<double>::infinity();
   EXPECT_EQ(table_positions(chain, X, options).size(), 2);
 }
@@ -184,8 +175,7 @@ TEST(ParameterTables, WhatDependsOnTwoAxesAtOnceIsLeft) {
 }
 
 TEST(ParameterTables, ATableIsLinearBetweenPointsAndHeldOutside) {
-  const AxisTable table{X, X, Eigen::Vector3d(-1, 0, 4), Eigen::Vector3d(1, 2, -2),
-                        Eigen::Vector3d(0, 5, 6)};
+  const AxisTable table{X, X, Vector3d(-1, 0, 4), Vector3d(1, 2, -2), Vector3d(0, 5, 6)};
   EXPECT_EQ(correction(table, -2, 1), 1.0);
   EXPECT_EQ(correction(table, -1, 1), 1.0);
   EXPECT_EQ(correction(table, -0.5, 1), 1.5);
@@ -215,7 +205,7 @@ TEST(ParameterTables, WhatCannotBeTabulatedIsRefused) {
 
 TEST(ParameterTables, TablesThatAreNoneAreRefused) {
   const Chain chain = gantry();
-  const AxisTable good{X, Y, Eigen::Vector2d(0, 1), Eigen::Vector2d(0, 1), Eigen::Vector2d(0, 1)};
+  const AxisTable good{X, Y, Vector2d(0, 1), Vector2d(0, 1), Vector2d(0, 1)};
   const auto refused = [&](const auto& change) {
     ParameterTables tables{{good}, AxisVector::Zero(6)};
     change(tables);
@@ -228,8 +218,8 @@ TEST(ParameterTables, TablesThatAreNoneAreRefused) {
   refused([](ParameterTables& t) { t.tables[0].argument_joint = 6; });
   refused([](ParameterTables& t) { t.tables[0].corrected_joint = s; });
   refused([](ParameterTables& t) { t.tables[0].argument_joint = -1; });
-  refused([](ParameterTables& t) { t.tables[0].position = Eigen::Vector2d(1, 1); });
-  refused([](ParameterTables& t) { t.tables[0].position = Eigen::Vector3d(1, 2, 3); });
+  refused([](ParameterTables& t) { t.tables[0].position = Vector2d(1, 1); });
+  refused([](ParameterTables& t) { t.tables[0].position = Vector3d(1, 2, 3); });
   refused([](ParameterTables& t) { t.tables[0].downward[1] = INFINITY; });
 }
 

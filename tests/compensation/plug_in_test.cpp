@@ -1,19 +1,10 @@
-#include <algorithm>
-#include <chrono>
-#include <csignal>
-#include <cstring>
-#include <iostream>
-#include <limits>
-#include <random>
-#include <sstream>
-#include <thread>
-
-#include <sys/resource.h>
-#include <nlohmann/json.hpp>
-
-#include "sim/compensation/child_process.h"
 #include "sim/compensation/plug_in.h"
+#include <sys/resource.h>
+#include <csignal>
+#include <nlohmann/json.hpp>
+#include "sim/compensation/child_process.h"
 #include "tests/compensation/plug_ins.h"
+#include "tests/test.h"
 
 namespace abbe::sim::compensation {
 namespace {
@@ -27,8 +18,6 @@ while (ask := hear())["kind"] == "ask":
 bool has(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
-
-#define EXPECT_SAYS(text, part) EXPECT_PRED2(has, std::string(text), std::string(part))
 
 nlohmann::json json_of(const fs::path& file) {
   std::ifstream stream(file);
@@ -58,7 +47,7 @@ print(sizes, task["samples"], file=sys.stderr)
   EXPECT_EQ(answer.stderr_text, "[(1, 1000), (2, 1000), (3, 501)] 2501");
   ASSERT_EQ(answer.rows.rows(), 2501);
   ASSERT_EQ(answer.rows.cols(), 6);
-  for (Eigen::Index i = 0; i < answer.rows.rows(); ++i) {
+  for (Index i = 0; i < answer.rows.rows(); ++i) {
     const kinematics::AxisState& command = asked.commands[std::size_t(i)];
     ASSERT_EQ(answer.rows(i, 0), command.time_s * 1e-3);
     ASSERT_EQ(answer.rows(i, 1), command.q[1] * 1e-3);
@@ -84,7 +73,7 @@ while (ask := hear())["kind"] == "ask":
   asked.commands[3].time_s = 0.1;
   const PlugInResponse answer = asked.answer(file);
   for (std::size_t i = 0; i < asked.commands.size(); ++i)
-    ASSERT_EQ(answer.rows(Eigen::Index(i), 1), asked.commands[i].time_s);
+    ASSERT_EQ(answer.rows(Index(i), 1), asked.commands[i].time_s);
 }
 
 TEST_F(PlugIns, TheTaskAndTheQuestionSayWhatTheControlKnows) {
@@ -97,7 +86,7 @@ while (ask := hear())["kind"] == "ask":
 )");
   Asked asked(3);
   asked.task.log.names = {"room_C", "current_A"};
-  asked.task.log.time_s = Eigen::Vector3d(-60, 0.05, 0.15);
+  asked.task.log.time_s = Vector3d(-60, 0.05, 0.15);
   asked.task.log.values.resize(3, 2);
   asked.task.log.values << 20.5, 1, 21, std::nan(""), 22, 3;
   const PlugInResponse answer = asked.answer(file);
@@ -124,8 +113,8 @@ while (ask := hear())["kind"] == "ask":
   EXPECT_EQ(ask["readings"][0][0], 20.5) << "the last reading before 0 s";
   EXPECT_EQ(ask["readings"][1][0], 21) << "the last reading before 0.1 s";
   EXPECT_EQ(ask["readings"][2][0], 22) << "the last reading before 0.2 s";
-  for (Eigen::Index row = 0; row < 3; ++row)
-    for (Eigen::Index column = 0; column < 4; ++column)
+  for (Index row = 0; row < 3; ++row)
+    for (Index column = 0; column < 4; ++column)
       EXPECT_EQ(ask["T_wt"][2][std::size_t(4 * row + column)].get<double>(),
                 asked.T_wt[2].matrix()(row, column));
 }
@@ -159,14 +148,14 @@ TEST_F(PlugIns, TwoThreadsAskAtOnce) {
 // --- what cannot be started
 
 TEST_F(PlugIns, WhatCannotBeStartedIsNamed) {
-  EXPECT_SAYS(failure(folder / "none.py"),
-              "none.py: start: expected a program or a shared library, seen no such file");
-  EXPECT_SAYS(failure(folder), "seen a folder");
-  EXPECT_SAYS(failure(written("mine.txt", "hello")), "expected an executable program (chmod +x)");
-  EXPECT_SAYS(failure(written("mine", "#!/no/such/interpreter\n", true)),
-              "No such file or directory");
-  EXPECT_SAYS(failure(written("noise", "\x01\x02\x03", true)), "Exec format error");
-  EXPECT_SAYS(failure(written("mine.so", "not a library")), "expected a shared library, seen ");
+  EXPECT_HAS(failure(folder / "none.py"),
+             "none.py: start: expected a program or a shared library, seen no such file");
+  EXPECT_HAS(failure(folder), "seen a folder");
+  EXPECT_HAS(failure(written("mine.txt", "hello")), "expected an executable program (chmod +x)");
+  EXPECT_HAS(failure(written("mine", "#!/no/such/interpreter\n", true)),
+             "No such file or directory");
+  EXPECT_HAS(failure(written("noise", "\x01\x02\x03", true)), "Exec format error");
+  EXPECT_HAS(failure(written("mine.so", "not a library")), "expected a shared library, seen ");
 }
 
 TEST_F(PlugIns, PythonThatIsNotThereIsNamed) {
@@ -175,7 +164,7 @@ TEST_F(PlugIns, PythonThatIsNotThereIsNamed) {
   ::setenv("PATH", folder.c_str(), 1);
   const std::string text = failure(file);
   ::setenv("PATH", before.c_str(), 1);
-  EXPECT_SAYS(text, "mine.py: start: expected python3 to start, seen No such file");
+  EXPECT_HAS(text, "mine.py: start: expected python3 to start, seen No such file");
 }
 
 // --- what goes wrong on the way: a program, and what its failure says
@@ -264,7 +253,7 @@ TEST_P(PlugInFaults, AreNamed) {
   const std::string program = fault.program;
   const bool answers = has(program, "row") || has(program, "ask)") || has(program, "\"id\"");
   const std::string text = failure(python((answers ? bad_correction : "") + program));
-  EXPECT_SAYS(text, fault.says);
+  EXPECT_HAS(text, fault.says);
   EXPECT_EQ(text.find((folder / "mine.py").string()), 0u) << "the plug-in is named first";
   std::cout << text.substr(folder.string().size() + 1) << "\n";
 }
@@ -280,7 +269,7 @@ TEST_F(PlugIns, WhatHangsIsKilledAtItsDeadline) {
     const auto start = std::chrono::steady_clock::now();
     const std::string text = failure(python(note + program), options);
     std::cout << text.substr(folder.string().size() + 1) << " (" << seconds_since(start) << " s)\n";
-    EXPECT_SAYS(text, says);
+    EXPECT_HAS(text, says);
     EXPECT_LT(seconds_since(start), 20.0) << "it sleeps for 60 s";
     long pid = 0;
     std::ifstream(folder / "pid") >> pid;
@@ -311,10 +300,10 @@ TEST_F(PlugIns, AQuestionThatNobodyReadsDoesNotBlock) {
   PlugInOptions options;
   options.response_s = 0.5;
   options.batch_size = 20000;  // more than a pipe holds
-  EXPECT_SAYS(failure(python("ready(); time.sleep(60)"), options, 20000),
-              "expected a line within 0.5 s, seen no output, and the request was not read");
-  EXPECT_SAYS(failure(python("ready(); sys.exit(7)"), options, 20000),
-              "the end of the program, exit code 7");
+  EXPECT_HAS(failure(python("ready(); time.sleep(60)"), options, 20000),
+             "expected a line within 0.5 s, seen no output, and the request was not read");
+  EXPECT_HAS(failure(python("ready(); sys.exit(7)"), options, 20000),
+             "the end of the program, exit code 7");
 }
 
 TEST_F(PlugIns, AProgramThatStopsListeningBringsNoSignal) {
@@ -323,15 +312,11 @@ TEST_F(PlugIns, AProgramThatStopsListeningBringsNoSignal) {
   EXPECT_EQ(before.sa_handler, SIG_DFL) << "the test would see nothing";
   Asked asked(2);
   asked.task.log.names = {"room_C"};
-  asked.task.log.time_s = Eigen::VectorXd::LinSpaced(300000, 0, 1);
-  asked.task.log.values = Eigen::MatrixXd::Constant(300000, 1, 20.123456789);
+  asked.task.log.time_s = VectorXd::LinSpaced(300000, 0, 1);
+  asked.task.log.values = MatrixXd::Constant(300000, 1, 20.123456789);
   const fs::path file = written("mine", "#!/bin/sh\nexit 5\n", true);
-  try {
-    asked.answer(file);
-    ADD_FAILURE() << "no failure";
-  } catch (const PlugInFailure& fault) {
-    EXPECT_SAYS(std::string(fault.what()), "seen the end of the program, exit code 5");
-  }
+  const std::string said = thrown_text<PlugInFailure>([&] { asked.answer(file); });
+  EXPECT_HAS(said, "seen the end of the program, exit code 5");
   sigset_t pending, blocked;
   sigpending(&pending);
   pthread_sigmask(SIG_SETMASK, nullptr, &blocked);
@@ -347,13 +332,13 @@ TEST_F(PlugIns, AnEndlessLineIsRefusedInLittleMemory) {
   };
   const double before = megabytes();
   const std::string endless = "\nwhile True: sys.stdout.write('x' * 65536)";
-  EXPECT_SAYS(failure(python(endless)),
-              "expected a line of at most 65536 bytes, seen a longer line");
-  EXPECT_SAYS(failure(python("ready()" + endless)), "expected a line of at most 66688 bytes");
-  EXPECT_SAYS(
+  EXPECT_HAS(failure(python(endless)),
+             "expected a line of at most 65536 bytes, seen a longer line");
+  EXPECT_HAS(failure(python("ready()" + endless)), "expected a line of at most 66688 bytes");
+  EXPECT_HAS(
       failure(python("ready(); ask = hear(); say({'id': 1, 'correction': rows(ask)})" + endless)),
       "expected no output after the last answer, seen 'xxx");
-  EXPECT_SAYS(failure(python("while True: print('ha')")), "seen 'ha'");
+  EXPECT_HAS(failure(python("while True: print('ha')")), "seen 'ha'");
   std::cout << "grew by " << megabytes() - before << " MB\n";
   EXPECT_LT(megabytes() - before, 16);
 }
@@ -368,7 +353,7 @@ exit 2
   const auto start = std::chrono::steady_clock::now();
   PlugInOptions options;
   options.start_s = 3.0;  // the sleeper holds the output open
-  EXPECT_SAYS(failure(file, options), "handshake: expected a line");
+  EXPECT_HAS(failure(file, options), "handshake: expected a line");
   EXPECT_LT(seconds_since(start), 20.0);
   long pid = 0;
   std::ifstream(folder / "pid") >> pid;
@@ -385,9 +370,9 @@ sys.stderr.flush()
 sys.stderr.buffer.write(b"\xff \x1b[31m gr\xc3\xbc\xc3\x9fe\n")
 sys.exit(1)
 )"));
-  EXPECT_SAYS(text,
-              "line 99999\n  \xEF\xBF\xBD [31m gr\xC3\xBC\xC3\x9F"
-              "e");
+  EXPECT_HAS(text,
+             "line 99999\n  \xEF\xBF\xBD [31m gr\xC3\xBC\xC3\x9F"
+             "e");
   EXPECT_FALSE(has(text, "line 99990"));
   EXPECT_LT(text.size(), 1500u);
   EXPECT_NO_THROW(nlohmann::json(text).dump()) << "a report can hold it";
@@ -419,7 +404,7 @@ TEST(PlugInLines, NoMutilatedLineIsMoreThanAFault) {
     }
     try {
       if (i % 2 == 0) {
-        const Eigen::MatrixXd rows = read_response(line, expected);
+        const MatrixXd rows = read_response(line, expected);
         ASSERT_TRUE(rows.rows() == 2 && rows.cols() == 6) << line;
         ASSERT_LE(rows.leftCols(4).cwiseAbs().maxCoeff(), 10.0) << line;
       } else {
@@ -481,7 +466,7 @@ const abbe_compensator_v1 abbe_compensator = {
 )");
   Asked asked(7);
   asked.task.log.names = {"room_C", "current_A"};
-  asked.task.log.time_s = Eigen::Vector2d(-60, 0.05);
+  asked.task.log.time_s = Vector2d(-60, 0.05);
   asked.task.log.values = (Eigen::Matrix2d() << 20.5, 1, 21, std::nan("")).finished();
   PlugInOptions options;
   options.batch_size = 3;
@@ -506,7 +491,7 @@ TEST_F(PlugIns, FaultsOfASharedLibraryAreNamed) {
     PlugInOptions options;
     if (has(body, "for (;;)")) options.response_s = 0.5;
     const std::string text = failure(library(whole_library + body + library_end), options);
-    EXPECT_SAYS(text, says);
+    EXPECT_HAS(text, says);
     std::cout << text.substr(folder.string().size() + 1) << "\n";
   };
   fault(
@@ -523,26 +508,26 @@ TEST_F(PlugIns, FaultsOfASharedLibraryAreNamed) {
 }
 
 TEST_F(PlugIns, ASharedLibraryOfAnotherVersionIsRefused) {
-  EXPECT_SAYS(failure(library("const abbe_compensator_v1 abbe_compensator = {7, 0, 0, 0, 0, 0};")),
-              "expected version 1 of abbe_compensator.h, seen 7");
-  EXPECT_SAYS(failure(library("const abbe_compensator_v1 abbe_compensator = {1, 5, 0, 0, 0, 0};")),
-              "expected answers = ABBE_CORRECTION or ABBE_DEVIATION, seen 5");
-  EXPECT_SAYS(failure(library("const abbe_compensator_v1 abbe_compensator = {1, 0, 0, 0, 0, 0};")),
-              "expected a function answer, seen NULL");
-  EXPECT_SAYS(failure(library("int mine;")),
-              "expected the object abbe_compensator of abbe_compensator.h, seen none");
+  EXPECT_HAS(failure(library("const abbe_compensator_v1 abbe_compensator = {7, 0, 0, 0, 0, 0};")),
+             "expected version 1 of abbe_compensator.h, seen 7");
+  EXPECT_HAS(failure(library("const abbe_compensator_v1 abbe_compensator = {1, 5, 0, 0, 0, 0};")),
+             "expected answers = ABBE_CORRECTION or ABBE_DEVIATION, seen 5");
+  EXPECT_HAS(failure(library("const abbe_compensator_v1 abbe_compensator = {1, 0, 0, 0, 0, 0};")),
+             "expected a function answer, seen NULL");
+  EXPECT_HAS(failure(library("int mine;")),
+             "expected the object abbe_compensator of abbe_compensator.h, seen none");
 }
 
 TEST_F(PlugIns, AHostThatIsNoneIsNamedAndStartsNoOther) {
   const fs::path file = library(whole_library + library_end);
   PlugInOptions options;
   options.host = "/bin/echo";
-  EXPECT_SAYS(failure(file, options), "expected a JSON object on one line, seen 'plug-in-host /");
+  EXPECT_HAS(failure(file, options), "expected a JSON object on one line, seen 'plug-in-host /");
   ::setenv("ABBE_PLUG_IN_HOST", "1", 1);
   const std::string text = failure(file);
   ::unsetenv("ABBE_PLUG_IN_HOST");
-  EXPECT_SAYS(text,
-              "expected a host whose main calls plug_in_host first, seen a host that does not");
+  EXPECT_HAS(text,
+             "expected a host whose main calls plug_in_host first, seen a host that does not");
 }
 
 // --- the examples
@@ -590,7 +575,7 @@ TEST_F(PlugIns, TheMirrorBelievesWhatTheChainSaysOfSuchASpindle) {
         asked.T_wt[i], chain.tool_in_workpiece(asked.commands[i].q, deviations));
     Eigen::Matrix<double, 6, 1> expected;
     expected << E.translation(), kinematics::rotation_vector(E.linear());
-    largest = std::max(largest, (answer.rows.row(Eigen::Index(i)).transpose() - expected).norm());
+    largest = std::max(largest, (answer.rows.row(Index(i)).transpose() - expected).norm());
   }
   std::cout << "mirror.py and the chain differ by " << largest * 1e6 << " nm\n";
   EXPECT_LT(largest, 1e-7);  // mm; the second order of 20 urad over 90 mm is 2e-8

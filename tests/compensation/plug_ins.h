@@ -1,25 +1,14 @@
 #pragma once
 
-#include <cstdio>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
-#include <unistd.h>
-
 #include "kinematics/axes.h"
 #include "sim/compensation/plug_in.h"
 #include "tests/kinematics/machines.h"
+#include "tests/test.h"
 
 /// Plug-ins that the tests write, and what they ask them.
 namespace abbe::sim::compensation {
-
-namespace fs = std::filesystem;
 
 /// A question about the gantry: `samples` commands a tenth of a second apart.
 struct Asked {
@@ -118,12 +107,8 @@ task = hear()
   /// The text of the failure that a plug-in brings.
   std::string failure(const fs::path& plug_in, const PlugInOptions& options = {},
                       int samples = 3) const {
-    try {
-      Asked(samples).answer(plug_in, options);
-    } catch (const PlugInFailure& fault) {
-      return fault.what();
-    }
-    return "no failure";
+    return thrown_text<PlugInFailure>([&] { Asked(samples).answer(plug_in, options); },
+                                      "no failure");
   }
 
   fs::path folder;

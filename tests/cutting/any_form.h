@@ -1,9 +1,8 @@
 #pragma once
 
-#include <cmath>
-
 #include "cutting/surface/tool.h"
 #include "tests/cutting/random.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 

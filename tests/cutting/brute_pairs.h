@@ -1,15 +1,10 @@
 #pragma once
 
-#include <algorithm>
-#include <iostream>
-#include <string>
-
-#include <gtest/gtest.h>
-
 #include "cutting/surface/cutter_entry.h"
 #include "cutting/surface/surface.h"
 #include "tests/cutting/random.h"
 #include "tests/oracles/brute_surface.h"
+#include "tests/test.h"
 
 /// Cutters against brute force in long double: the surface of one move that moves and turns.
 namespace abbe::cutting::brute_pairs {
@@ -23,30 +18,25 @@ struct Pair {
 
 inline Pair any_pair(Random& random, const Cutter& cutter, double band) {
   const double size = cutter.radius;
-  CutterMotion motion{
-      Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
-  const Eigen::Vector3d axis =
-      random.once_in(3) ? Eigen::Vector3d(Eigen::Vector3d::UnitZ()) : random.direction();
+  CutterMotion motion{Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Vector2d(0, 1), {1, 1}};
+  const Vector3d axis = random.once_in(3) ? Vector3d(Vector3d::UnitZ()) : random.direction();
   const double turn = random.once_in(3) ? 0.0 : random.decades(-9, -1.0);
-  const Eigen::Vector3d along = random.once_in(6) ? axis
-                                : random.once_in(3)
-                                    ? Eigen::Vector3d(axis.cross(random.direction()).normalized())
-                                    : random.direction();
-  const Eigen::Vector3d step = random.once_in(8)
-                                   ? Eigen::Vector3d(Eigen::Vector3d::Zero())
-                                   : Eigen::Vector3d(size * random.decades(-7, 0.5) * along);
+  const Vector3d along = random.once_in(6)   ? axis
+                         : random.once_in(3) ? Vector3d(axis.cross(random.direction()).normalized())
+                                             : random.direction();
+  const Vector3d step = random.once_in(8) ? Vector3d(Vector3d::Zero())
+                                          : Vector3d(size * random.decades(-7, 0.5) * along);
   motion.tip.row(0) = size * random.any();
   motion.tip.row(1) = motion.tip.row(0) + step.transpose();
   motion.axis.row(0) = axis;
   motion.axis.row(1) = turn > 0 ? random.turned_evenly(axis, turn) : axis;
   const double t = random.in(0, 1), height = random.in(-0.1, 1.1) * cutter.flank_length;
-  const Eigen::Vector3d around = axis.cross(random.direction()).normalized();
-  const Eigen::Vector3d place = Eigen::Vector3d(motion.tip.row(0)) + t * step + height * axis +
-                                size * random.in(0, 1.3) * around;
-  const Eigen::Vector3d normal = random.once_in(4)
-                                     ? Eigen::Vector3d(random.in(-1, 1) < 0 ? axis : -axis)
-                                 : random.once_in(4) ? Eigen::Vector3d(-around)
-                                                     : random.direction();
+  const Vector3d around = axis.cross(random.direction()).normalized();
+  const Vector3d place =
+      Vector3d(motion.tip.row(0)) + t * step + height * axis + size * random.in(0, 1.3) * around;
+  const Vector3d normal = random.once_in(4)   ? Vector3d(random.in(-1, 1) < 0 ? axis : -axis)
+                          : random.once_in(4) ? Vector3d(-around)
+                                              : random.direction();
   return {motion, {place, normal, band}};
 }
 

@@ -1,25 +1,10 @@
 #include "cutting/stock/collision.h"
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstdlib>
-#include <iostream>
-#include <limits>
-#include <map>
-#include <numbers>
-#include <optional>
-#include <random>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
-
 #include "tests/oracles/box_overlap.h"
+#include "tests/test.h"
 
 namespace abbe::cutting::collision_tests {
 namespace {
 
-using Eigen::Vector3d;
 using kinematics::Pose;
 using kinematics::Screw;
 
@@ -377,7 +362,7 @@ TEST(Bodies, InPatchesAreTheSameBody) {
     }
     EXPECT_GT(inside, 20);
     // a dent in one place: the other patches are kept
-    for (Eigen::Index i = 0; i < mesh.vertices.rows(); ++i)
+    for (Index i = 0; i < mesh.vertices.rows(); ++i)
       if (mesh.vertices(i, state % 3) > 15.0) mesh.vertices(i, state % 3) -= 2.0;
     patches = make_patched_body(mesh, 7.0, patches);
   }

@@ -1,24 +1,11 @@
 #include "cutting/stock/engagement.h"
 #include "tests/cutting/stock_parts.h"
-#include "tests/kinematics/nan.h"
-
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-#include <limits>
-#include <numbers>
-#include <random>
-#include <stdexcept>
-#include <vector>
-
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace abbe::cutting {
 namespace {
 
 using Eigen::Isometry3d;
-using Eigen::Vector3d;
-using std::numbers::pi;
 
 /// mm^2 of the engaged surface seen along the feed: what the cut's cross-section is, if the tool
 /// has just come into material everywhere it faces the feed.
@@ -247,8 +234,8 @@ TEST(Engagement, BadInputIsRefused) {
 
 Eigen::Matrix<double, Eigen::Dynamic, 2> profile(
     std::initializer_list<std::pair<double, double>> corners) {
-  Eigen::Matrix<double, Eigen::Dynamic, 2> result(Eigen::Index(corners.size()), 2);
-  Eigen::Index i = 0;
+  Eigen::Matrix<double, Eigen::Dynamic, 2> result(Index(corners.size()), 2);
+  Index i = 0;
   for (const auto& [x, r] : corners) result.row(i++) << x, r;
   return result;
 }
@@ -312,7 +299,7 @@ TEST(TurnedStock, AGrooveIsTheNosesOwnShape) {
     const Nose nose{2.0, {}};
     const double removed = remove(stock, nose, nose_at(10, 14), nose_at(10, 11));
     for (double x = 8.3; x < 11.7; x += 0.1) {
-      const auto i = Eigen::Index(std::round(x / stock.spacing));
+      const auto i = Index(std::round(x / stock.spacing));
       const double at = stock.spacing * double(i) - 10;
       EXPECT_NEAR(stock.radius[i], 11 - std::sqrt(4 - at * at), 1e-9);
     }
@@ -385,7 +372,7 @@ TEST(TurnedStock, WavesAndTiltOfTheNoseAreFollowed) {
     const double rho = 2.0 + 0.01 * std::cos(6 * psi + 0.4);
     const Vector3d p = tilted * Vector3d(rho * std::cos(psi), 0, rho * std::sin(psi));
     const double u = p.x() / stock.spacing;
-    const auto i = Eigen::Index(u);
+    const auto i = Index(u);
     const double at = stock.radius[i] + (u - double(i)) * (stock.radius[i + 1] - stock.radius[i]);
     if (p.z() < 10 && p.z() < 11.5) closest = std::min(closest, p.z() - at);
   }

@@ -1,41 +1,18 @@
 // What mesh files say of their faces: groups and colours, how they are read and what keeps them.
 
-#include "cutting/part/mesh.h"
-
-#include <array>
-#include <bit>
-#include <cmath>
-#include <cstdint>
-#include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <functional>
-#include <iostream>
-#include <map>
-#include <numbers>
-#include <set>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-#include <unistd.h>
-
 #include "cutting/map/areal_filter.h"
 #include "cutting/map/refinement.h"
+#include "cutting/part/mesh.h"
 #include "cutting/part/primitive.h"
 #include "cutting/part/read_mesh.h"
 #include "cutting/part/remeshing.h"
 #include "cutting/part/text_mesh_formats.h"
 #include "tests/cutting/milled_parts.h"
 #include "tests/cutting/random.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 namespace {
-
-using Eigen::Index;
-using Eigen::Vector3d;
-namespace fs = std::filesystem;
 
 class MarkFolder {
  public:
@@ -120,12 +97,7 @@ void expect_block_colours(const MarkedMesh& mesh) {
 }
 
 std::string refusal_of_marks(const fs::path& file, const MarkSelection& wanted = all_marks) {
-  try {
-    read_mesh_with_marks(file, {}, wanted);
-  } catch (const BadInput& bad) {
-    return bad.what();
-  }
-  return "accepted";
+  return thrown_text<BadInput>([&] { read_mesh_with_marks(file, {}, wanted); }, "accepted");
 }
 
 // --- colours as they are written
@@ -273,10 +245,9 @@ TEST(FaceMarks, ALibraryThatIsNotOneIsRefusedWithItsPlaceAndOnlyIfItIsAskedFor) 
     folder.write("b.mtl", text);
     return refusal_of_marks(obj);
   };
-  EXPECT_NE(refusal_of_marks(obj).find("block.obj:2:9: expected the file b.mtl next to the OBJ "
-                                       "file, for its face colours, seen 'b.mtl'"),
-            std::string::npos)
-      << refusal_of_marks(obj);
+  EXPECT_HAS(refusal_of_marks(obj),
+             "block.obj:2:9: expected the file b.mtl next to the OBJ "
+             "file, for its face colours, seen 'b.mtl'");
   const std::pair<std::string, std::string> cases[] = {
       {"",
        "block.obj:11:8: expected a material of a library (mtllib) named above, seen 'bottom "
@@ -301,31 +272,26 @@ TEST(FaceMarks, ALibraryThatIsNotOneIsRefusedWithItsPlaceAndOnlyIfItIsAskedFor) 
                    7),
        "b.mtl:1:1: expected an MTL keyword"},
       {std::string(17 << 20, ' '), "b.mtl: expected at most 16777216 bytes, seen 17825792"}};
-  for (const auto& [text, said] : cases)
-    EXPECT_NE(refused(text).find(said), std::string::npos) << refused(text);
+  for (const auto& [text, said] : cases) EXPECT_HAS(refused(text), said);
   folder.write("b.mtl", block_mtl());
   folder.write("c.mtl", block_mtl());
-  EXPECT_NE(refusal_of_marks(folder.write("block.obj", block_obj(use, "mtllib b.mtl c.mtl\n")))
-                .find("block.obj:1:14: expected one library only that defines the material"),
-            std::string::npos);
-  EXPECT_NE(refusal_of_marks(folder.write("block.obj", block_obj(use)))
-                .find("block.obj:9:8: expected mtllib before usemtl"),
-            std::string::npos);
+  EXPECT_HAS(refusal_of_marks(folder.write("block.obj", block_obj(use, "mtllib b.mtl c.mtl\n"))),
+             "block.obj:1:14: expected one library only that defines the material");
+  EXPECT_HAS(refusal_of_marks(folder.write("block.obj", block_obj(use))),
+             "block.obj:9:8: expected mtllib before usemtl");
   fs::remove(folder.path() / "c.mtl");
   fs::create_directory(folder.path() / "c.mtl");
-  EXPECT_NE(refusal_of_marks(folder.write("block.obj", block_obj(use, "mtllib c.mtl\n")))
-                .find("expected the file c.mtl next to"),
-            std::string::npos);
+  EXPECT_HAS(refusal_of_marks(folder.write("block.obj", block_obj(use, "mtllib c.mtl\n"))),
+             "expected the file c.mtl next to");
 }
 
 TEST(FaceMarks, MoreNamesThanThereMayBeAreRefused) {
   const MarkFolder folder;
   std::string names;
   for (int i = 0; i < 1'000'001; ++i) names += fmt::format(" {:x}", i);
-  EXPECT_NE(refusal_of_marks(folder.write("many.obj", block_obj([](const BlockFace&) { return ""; },
-                                                                "g" + names + "\n")))
-                .find("expected at most 1000000 group names"),
-            std::string::npos);
+  EXPECT_HAS(refusal_of_marks(folder.write(
+                 "many.obj", block_obj([](const BlockFace&) { return ""; }, "g" + names + "\n"))),
+             "expected at most 1000000 group names");
 }
 
 // --- STL
@@ -351,15 +317,12 @@ TEST(FaceMarks, SolidsOfAnAsciiStlAreGroupsOfOneBody) {
   EXPECT_EQ(mesh.design.vertices.rows(), 8);
   expect_block_names(mesh, " face");
   EXPECT_EQ(read_mesh(file).triangles.rows(), 12) << "whether groups are asked for or not";
-  EXPECT_NE(refusal_of_marks(folder.write("junk.stl", text + "solid\nfacets\n"))
-                .find(":98:1: expected 'facet' or 'endsolid', seen 'facets'"),
-            std::string::npos);
-  EXPECT_NE(refusal_of_marks(folder.write("junk.stl", text + "and more\n"))
-                .find(":97:1: expected 'solid', seen 'and'"),
-            std::string::npos);
-  EXPECT_NE(refusal_of_marks(folder.write("open.stl", text + "solid more\n"))
-                .find("expected 'facet' or 'endsolid', seen the end"),
-            std::string::npos);
+  EXPECT_HAS(refusal_of_marks(folder.write("junk.stl", text + "solid\nfacets\n")),
+             ":98:1: expected 'facet' or 'endsolid', seen 'facets'");
+  EXPECT_HAS(refusal_of_marks(folder.write("junk.stl", text + "and more\n")),
+             ":97:1: expected 'solid', seen 'and'");
+  EXPECT_HAS(refusal_of_marks(folder.write("open.stl", text + "solid more\n")),
+             "expected 'facet' or 'endsolid', seen the end");
 }
 
 std::string little(std::uint64_t value, int bytes) {
@@ -422,11 +385,10 @@ TEST(FaceMarks, ColoursOfABinaryStlAreInItsAttributes) {
       {}, all_marks);
   EXPECT_NEAR(area_that_may_be(whole, {9, 8, 7}), 56.0, 1e-12) << "that of the header";
   EXPECT_NEAR(area_that_may_be(whole, {255, 0, 0}), 6.0, 1e-12);
-  EXPECT_NE(
+  EXPECT_HAS(
       refusal_of_marks(folder.write("short.stl", block_stl(std::string(72, ' ') + "COLOR=",
-                                                           [](const BlockFace&) { return 0u; })))
-          .find("expected four colour bytes after COLOR= in the header of the STL file"),
-      std::string::npos);
+                                                           [](const BlockFace&) { return 0u; }))),
+      "expected four colour bytes after COLOR= in the header of the STL file");
 }
 
 // --- PLY
@@ -553,7 +515,7 @@ TEST(FaceMarks, ColoursOfPlyThatAreNoneAreRefusedIfTheyAreAskedFor) {
        "seen integers mixed with floats"}};
   for (const auto& [lines, values, said] : cases) {
     const fs::path file = folder.write("bad.ply", text(lines, values));
-    EXPECT_NE(refusal_of_marks(file).find(said), std::string::npos) << refusal_of_marks(file);
+    EXPECT_HAS(refusal_of_marks(file), said);
     EXPECT_EQ(refusal_of_marks(file, {}), "accepted");
     EXPECT_EQ(refusal_of_marks(file, {.groups = true}), "accepted");
   }
@@ -617,7 +579,7 @@ TEST(FaceMarks, ColoursOfOffThatAreNoneAreRefusedIfTheyAreAskedFor) {
     const fs::path file = folder.write("bad.off", block_off(
                                                       "OFF", [](std::size_t) { return ""; },
                                                       [&](const BlockFace&) { return colour; }));
-    EXPECT_NE(refusal_of_marks(file).find(said), std::string::npos) << refusal_of_marks(file);
+    EXPECT_HAS(refusal_of_marks(file), said);
     EXPECT_EQ(refusal_of_marks(file, {}), "accepted");
   }
 }
@@ -788,14 +750,14 @@ TEST(SplitAtGroups, TheFilterPassesABorder) {
   const Design split = split_at_groups(sheet, any_groups(random, sheet, 3));
   const auto form = [](const Design& design) {
     const Index n = design.vertices.rows();
-    Surface surface{Eigen::VectorXd(n), Eigen::VectorXd::Zero(n), std::vector<int>(std::size_t(n)),
+    Surface surface{VectorXd(n), VectorXd::Zero(n), std::vector<int>(std::size_t(n)),
                     std::vector<VertexStatus>(std::size_t(n), VertexStatus::Cut)};
     for (Index i = 0; i < n; ++i)
       surface.residual[i] =
           std::sin(9.0 * design.vertices(i, 0)) * std::cos(7.0 * design.vertices(i, 1));
     return gaussian_form(design, surface, 0.47);  // no border of its blocks lies on the grid
   };
-  const Eigen::VectorXd whole = form(sheet), parted = form(split);
+  const VectorXd whole = form(sheet), parted = form(split);
   double worst = 0.0, least = 1.0, most = -1.0;
   for (Index t = 0; t < sheet.triangles.rows(); ++t)
     for (int k = 0; k < 3; ++k) {

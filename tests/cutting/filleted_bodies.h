@@ -1,23 +1,11 @@
 #pragma once
 
-#include <array>
-#include <cmath>
-#include <functional>
-#include <map>
-#include <numbers>
-#include <random>
-#include <string>
-#include <vector>
-
-#include <Eigen/Geometry>
-
 #include "cutting/part/mesh.h"
+#include "tests/test.h"
 
 /// Bodies with fillets as a CAD system writes them to an STL: vertices on the borders of faces only
 /// where these are flat, or curved in one direction; facets of equal angles; numbers in float32.
 namespace abbe::cutting::filleted {
-
-using Eigen::Vector3d;
 
 /// mm, signed, of a point from the true surface, plus outside; and its outward normal there.
 struct True {
@@ -138,7 +126,7 @@ inline Body rounded_box(const Vector3d& half, double r, double degrees) {
 /// four quarters of a torus. Its mouth is open.
 inline Body pocket(double half_x, double half_y, double R, double r, double depth, double degrees) {
   const int n = int(std::lround(90.0 / degrees));
-  const Eigen::Vector2d c(half_x - R, half_y - R);
+  const Vector2d c(half_x - R, half_y - R);
   const auto loop = [&](double rho, double z) {
     std::vector<Vector3d> all;
     for (int corner = 0; corner < 4; ++corner)
@@ -171,9 +159,8 @@ inline Body pocket(double half_x, double half_y, double R, double r, double dept
     if (n_t.dot(Vector3d(0, 0, depth + 10.0) - m) < 0.0) std::swap(t[1], t[2]);
   }
   const auto truth = [c, R, r](const Vector3d& p) {
-    const Eigen::Vector2d q = p.head<2>().cwiseAbs() - c, out = q.cwiseMax(0.0);
-    Eigen::Vector2d way =
-        out.norm() > 0.0 ? Eigen::Vector2d(out.normalized()) : Eigen::Vector2d(0, 0);
+    const Vector2d q = p.head<2>().cwiseAbs() - c, out = q.cwiseMax(0.0);
+    Vector2d way = out.norm() > 0.0 ? Vector2d(out.normalized()) : Vector2d(0, 0);
     for (int k = 0; k < 2; ++k)
       if (p[k] < 0.0) way[k] = -way[k];
     const double a = std::max(out.norm() - (R - r), 0.0), b = std::max(r - p.z(), 0.0);
@@ -187,7 +174,7 @@ inline Body pocket(double half_x, double half_y, double R, double r, double dept
 /// A round boss of radius R and height H on a floor, fillets r at its foot and top.
 inline Body boss(double R, double H, double r, double floor, double degrees) {
   const int n = int(std::lround(90.0 / degrees)), m = int(std::lround(360.0 / degrees));
-  std::vector<Eigen::Vector2d> profile = {{floor, 0.0}};
+  std::vector<Vector2d> profile = {{floor, 0.0}};
   for (int i = 0; i <= n; ++i) {
     const double a = radians(i * degrees);
     profile.emplace_back(R + r - r * std::sin(a), r - r * std::cos(a));
@@ -197,7 +184,7 @@ inline Body boss(double R, double H, double r, double floor, double degrees) {
     profile.emplace_back(R - r + r * std::cos(a), H - r + r * std::sin(a));
   }
   Builder made;
-  const auto at = [&](const Eigen::Vector2d& p, int k) {
+  const auto at = [&](const Vector2d& p, int k) {
     const double a = radians((k % m) * degrees);
     return Vector3d(p[0] * std::cos(a), p[0] * std::sin(a), p[1]);
   };
@@ -211,10 +198,10 @@ inline Body boss(double R, double H, double r, double floor, double degrees) {
   const auto truth = [R, H, r](const Vector3d& p) {
     const double rho = p.head<2>().norm();
     const Vector3d way = Vector3d(p.x(), p.y(), 0.0) / std::max(rho, 1e-300);
-    const auto turned = [&](double d, const Eigen::Vector2d& n2) {
+    const auto turned = [&](double d, const Vector2d& n2) {
       return True{d, n2[0] * way + n2[1] * Vector3d::UnitZ()};
     };
-    const Eigen::Vector2d at_rz(rho, p.z()), foot(R + r, r), top_of(R - r, H - r);
+    const Vector2d at_rz(rho, p.z()), foot(R + r, r), top_of(R - r, H - r);
     if (rho <= R - r && p.z() > 0.5 * H) return turned(p.z() - H, {0, 1});
     if (p.z() >= H - r) return turned((at_rz - top_of).norm() - r, (at_rz - top_of).normalized());
     if (p.z() >= r) return turned(rho - R, {1, 0});
@@ -236,13 +223,12 @@ inline Eigen::Isometry3d any_pose(unsigned seed, double far) {
 /// What an STL of the body that stands at T holds.
 inline Design as_stl(const Body& body, const Eigen::Isometry3d& T) {
   Design mesh;
-  mesh.vertices.resize(Eigen::Index(body.points.size()), 3);
+  mesh.vertices.resize(Index(body.points.size()), 3);
   for (std::size_t i = 0; i < body.points.size(); ++i)
-    mesh.vertices.row(Eigen::Index(i)) = (T * body.points[i]).cast<float>().cast<double>();
-  mesh.triangles.resize(Eigen::Index(body.triangles.size()), 3);
+    mesh.vertices.row(Index(i)) = (T * body.points[i]).cast<float>().cast<double>();
+  mesh.triangles.resize(Index(body.triangles.size()), 3);
   for (std::size_t t = 0; t < body.triangles.size(); ++t)
-    for (int k = 0; k < 3; ++k)
-      mesh.triangles(Eigen::Index(t), k) = body.triangles[t][std::size_t(k)];
+    for (int k = 0; k < 3; ++k) mesh.triangles(Index(t), k) = body.triangles[t][std::size_t(k)];
   mesh.normals = vertex_normals(mesh.vertices, mesh.triangles);
   mesh.area = vertex_area(mesh.vertices, mesh.triangles);
   mesh.facet_error = facet_error(mesh.vertices, mesh.normals, mesh.triangles);

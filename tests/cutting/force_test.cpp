@@ -4,28 +4,11 @@
 // t, and its immersion phi, from +y clockwise, is pi/2 - the angle about z from x.
 
 #include "cutting/stock/force.h"
-
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <iostream>
-#include <limits>
-#include <random>
-#include <stdexcept>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
-#include "tests/kinematics/nan.h"
 #include "tests/oracles/milling_force.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 namespace {
-
-using namespace abbe::literals;
-using Eigen::Vector3d;
 
 constexpr double full_turn = 2 * pi;
 double of_textbook(double phi) { return 0.5 * pi - phi; }
@@ -74,71 +57,30 @@ struct Row {
   Vector3d average, most, least;
 };
 
+const CuttingCoefficients calibrated{"", "", 447.88, 374.21, 97.0, 70.298, 12.603, 0.0};
+const CuttingCoefficients al6082{"", "", 631, 99, 273, 13, 10, 2.8};
+const CuttingCoefficients al7075{"", "", 767.01, 168.8, 222, 27.7, 26.6, 0.7};
+const CuttingCoefficients al7075_hss{"", "", 951.365, 262.597, 323.33, 11.115, 11.314, 1.105};
+
 const std::vector<Row>& table() {
-  static const std::vector<Row> rows{{"calibrated, quarter",
-                                      4,
-                                      5.08,
-                                      0.05,
-                                      30,
-                                      9.05,
-                                      0.0,
-                                      0.5 * pi,
-                                      {"", "", 447.88, 374.21, 97.0, 70.298, 12.603, 0.0},
-                                      {-351.840278, 213.212886, 15.685038},
-                                      {-230.041, 435.496, 24.207},
-                                      {-412.595, -16.481, 3.960}},
-                                     {"Al6082-T6 slot",
-                                      2,
-                                      2,
-                                      0.1,
-                                      30,
-                                      5,
-                                      0.0,
-                                      pi,
-                                      {"", "", 631, 99, 273, 13, 10, 2.8},
-                                      {-22.632395, 79.652114, 40.359440},
-                                      {62.122, 154.390, 60.079},
-                                      {-105.313, -16.865, 8.749}},
-                                     {"Al7075-T6 half up",
-                                      4,
-                                      3,
-                                      0.08,
-                                      30,
-                                      6,
-                                      0.0,
-                                      0.5 * pi,
-                                      {"", "", 767.01, 168.8, 222, 27.7, 26.6, 0.7},
-                                      {-182.556609, 81.246675, 36.019101},
-                                      {-115.897, 243.800, 54.640},
-                                      {-227.283, -67.471, 9.723}},
-                                     {"Al7075-T6 half down",
-                                      4,
-                                      3,
-                                      0.08,
-                                      30,
-                                      6,
-                                      0.5 * pi,
-                                      pi,
-                                      {"", "", 767.01, 168.8, 222, 27.7, 26.6, 0.7},
-                                      {40.440093, 208.641931, 36.019101},
-                                      {104.163, 281.209, 54.645},
-                                      {-80.422, 101.393, 9.760}},
-                                     {"Al7075 HSS slot",
-                                      3,
-                                      1.5,
-                                      0.05,
-                                      30,
-                                      8,
-                                      0.0,
-                                      pi,
-                                      {"", "", 951.365, 262.597, 323.33, 11.115, 11.314, 1.105},
-                                      {-30.977192, 69.435346, 25.643055},
-                                      {5.457, 92.042, 27.553},
-                                      {-67.038, 52.381, 23.276}}};
+  static const std::vector<Row> rows{
+      {"calibrated, quarter", 4, 5.08, 0.05, 30, 9.05, 0.0, 0.5 * pi, calibrated,
+       Vector3d(-351.840278, 213.212886, 15.685038), Vector3d(-230.041, 435.496, 24.207),
+       Vector3d(-412.595, -16.481, 3.960)},
+      {"Al6082-T6 slot", 2, 2, 0.1, 30, 5, 0.0, pi, al6082,
+       Vector3d(-22.632395, 79.652114, 40.359440), Vector3d(62.122, 154.390, 60.079),
+       Vector3d(-105.313, -16.865, 8.749)},
+      {"Al7075-T6 half up", 4, 3, 0.08, 30, 6, 0.0, 0.5 * pi, al7075,
+       Vector3d(-182.556609, 81.246675, 36.019101), Vector3d(-115.897, 243.800, 54.640),
+       Vector3d(-227.283, -67.471, 9.723)},
+      {"Al7075-T6 half down", 4, 3, 0.08, 30, 6, 0.5 * pi, pi, al7075,
+       Vector3d(40.440093, 208.641931, 36.019101), Vector3d(104.163, 281.209, 54.645),
+       Vector3d(-80.422, 101.393, 9.760)},
+      {"Al7075 HSS slot", 3, 1.5, 0.05, 30, 8, 0.0, pi, al7075_hss,
+       Vector3d(-30.977192, 69.435346, 25.643055), Vector3d(5.457, 92.042, 27.553),
+       Vector3d(-67.038, 52.381, 23.276)}};
   return rows;
 }
-
-const CuttingCoefficients al6082{"", "", 631, 99, 273, 13, 10, 2.8};
 
 TEST(Force, AveragesOfTheTableAreMetToItsDigits) {
   double worst = 0.0;
@@ -230,9 +172,7 @@ TEST(Force, SlotMeetsItsIdentities) {
 }
 
 TEST(Force, CuttingEnergyIsThatOfTheChip) {
-  const unsigned seed = 31;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(31);
   std::uniform_real_distribution<double> unit(0, 1);
   double worst = 0.0;
   for (int i = 0; i < 200; ++i) {
@@ -370,9 +310,7 @@ double apart(const CuttingLoad& load, const oracles::MillingForce& brute) {
 }
 
 TEST(Force, HelixAgreesWithBruteForceAtAnyAngle) {
-  const unsigned seed = 7;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(7);
   std::uniform_real_distribution<double> unit(0, 1);
   double worst = 0.0;
   for (int i = 0; i < 60; ++i) {
@@ -473,9 +411,7 @@ kinematics::Wrench by_simpson(const EdgeSlice& slice, const EngagedArc& arc, con
 }
 
 TEST(Force, MeanIsExactForAnyArcAndFeed) {
-  const unsigned seed = 20;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20);
   std::uniform_real_distribution<double> unit(0, 1);
   double worst = 0.0;
   int tried = 0;
@@ -582,12 +518,7 @@ TEST(Force, TurningIsTheChipSectionAndTheEdge) {
 // ---- refusals
 
 std::string refusal(const std::function<void()>& act) {
-  try {
-    act();
-  } catch (const std::invalid_argument& fault) {
-    return fault.what();
-  }
-  return "none";
+  return thrown_text<std::invalid_argument>([&] { act(); }, "none");
 }
 
 TEST(Force, NonPhysicalNumbersAreRefusedByName) {

@@ -1,21 +1,9 @@
-#include <cmath>
-#include <iostream>
-#include <map>
-#include <numbers>
-#include <random>
-#include <string>
-
-#include <gtest/gtest.h>
-
 #include "cutting/map/form.h"
 #include "tests/cutting/map_over.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 namespace {
-
-using Eigen::Vector2d;
-using Eigen::Vector3d;
-using std::numbers::pi;
 
 std::map<std::string, double> numbers(const Primitive& p, const Design& d, const Surface& s) {
   std::map<std::string, double> result;
@@ -52,9 +40,7 @@ TEST(FitCircle, SeesLobesAndNotTheEccentricity) {
 }
 
 TEST(FitCircle, IsAMinimumOfTheSquares) {
-  const unsigned seed = 17;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(17);
   std::normal_distribution<double> noise(0, 0.05);
   Eigen::Matrix<double, Eigen::Dynamic, 2> points(30, 2);
   for (int i = 0; i < 30; ++i)
@@ -112,9 +98,7 @@ TEST(Form, OfABowlAndASaddleAreTheirClosedForms) {
 }
 
 TEST(Form, MinimumZoneIsNotBeatenByAnyPlaneOfASearch) {
-  const unsigned seed = 23;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(23);
   std::normal_distribution<double> noise(0, 0.002);
   const RectanglePlane plane{60, 30};
   const Design d = tessellate(plane, {1500});
@@ -128,7 +112,7 @@ TEST(Form, MinimumZoneIsNotBeatenByAnyPlaneOfASearch) {
     // the width is convex in the two tilts: pattern search from the least-squares plane finds its
     // minimum
     const auto width = [&](double b, double c) {
-      const Eigen::VectorXd z = s.residual - b * d.vertices.col(0) - c * d.vertices.col(1);
+      const VectorXd z = s.residual - b * d.vertices.col(0) - c * d.vertices.col(1);
       return (z.maxCoeff() - z.minCoeff()) / std::sqrt(1 + b * b + c * c);
     };
     double b = 0, c = 0;

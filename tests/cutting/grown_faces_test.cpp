@@ -1,31 +1,17 @@
-#include "cutting/part/face_growth.h"
-
-#include <algorithm>
-#include <cmath>
 #include <ctime>
-#include <iostream>
-#include <map>
-#include <numbers>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "cutting/part/design_points.h"
+#include "cutting/part/face_growth.h"
 #include "cutting/part/mesh.h"
 #include "cutting/part/primitive.h"
 #include "cutting/part/recognition.h"
 #include "cutting/part/remeshing.h"
-#include "kinematics/units.h"
 #include "tests/cutting/filleted_bodies.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 namespace {
 
-using Eigen::Index;
-using Eigen::Vector3d;
 using filleted::Body;
-using std::numbers::pi;
 
 constexpr double tolerance = 0.1 * units::um;
 
@@ -148,9 +134,9 @@ TEST(FaceRegions, AProgramFollowsTheSurfaceAndNotTheFacets) {
 }
 
 /// Strips along y through points (x, z), each as long as it is cut into.
-Design extruded(const std::vector<Eigen::Vector2d>& profile) {
+Design extruded(const std::vector<Vector2d>& profile) {
   filleted::Builder made;
-  const auto at = [](const Eigen::Vector2d& p, double y) { return Vector3d(p[0], y, p[1]); };
+  const auto at = [](const Vector2d& p, double y) { return Vector3d(p[0], y, p[1]); };
   for (std::size_t i = 0; i + 1 < profile.size(); ++i)
     made.quad(at(profile[i], 0), at(profile[i + 1], 0), at(profile[i + 1], 20), at(profile[i], 20));
   return filleted::as_stl({"strips", made.points, made.triangles, {}, {}},
@@ -167,14 +153,14 @@ std::string forms_text(const Design& mesh) {
 TEST(FaceRegions, FewLinesShowACylinderOnlyWherePlanesRunIntoIt) {
   // a plane, an arc of r 3 in n steps of 15 degrees, a plane; and the arc alone
   for (const int steps : {1, 2, 3, 4, 6}) {
-    std::vector<Eigen::Vector2d> arc, both = {{-10.0, 0.0}};
+    std::vector<Vector2d> arc, both = {{-10.0, 0.0}};
     for (int i = 0; i <= steps; ++i) {
       const double a = filleted::radians(15.0 * i);
       arc.emplace_back(3.0 * std::sin(a), 3.0 * (1.0 - std::cos(a)));
     }
     both.insert(both.end(), arc.begin(), arc.end());
     const double end = filleted::radians(15.0 * steps);
-    both.emplace_back(arc.back() + 10.0 * Eigen::Vector2d(std::cos(end), std::sin(end)));
+    both.emplace_back(arc.back() + 10.0 * Vector2d(std::cos(end), std::sin(end)));
     EXPECT_EQ(forms_text(extruded(both)), steps < 2 ? "" : "1cylinder 2plane ") << steps;
     EXPECT_EQ(forms_text(extruded(arc)), steps == 1  ? "1plane "
                                          : steps < 4 ? ""
@@ -209,15 +195,14 @@ TEST(FaceRegions, AFreeCurveTakesTheNormalOfThePlaneIntoWhichItRuns) {
 }
 
 TEST(FaceRegions, NoFacesOfStripsOfWhatIsNone) {
-  std::vector<Eigen::Vector2d> wave, turns;
+  std::vector<Vector2d> wave, turns;
   for (int i = 0; i <= 40; ++i) wave.emplace_back(i, 4.0 * std::sin(0.2 * i));
   EXPECT_EQ(forms_text(extruded(wave)), "");
   // chamfers: planes that turn by 20 degrees, which no more than their own normals tell of
   for (int i = 0; i <= 3; ++i)
-    turns.emplace_back(
-        i < 1 ? Eigen::Vector2d(0, 0)
-              : Eigen::Vector2d(turns.back() + (5.0 + i) * Eigen::Vector2d(std::cos(0.35 * i),
-                                                                           std::sin(0.35 * i))));
+    turns.emplace_back(i < 1 ? Vector2d(0, 0)
+                             : Vector2d(turns.back() + (5.0 + i) * Vector2d(std::cos(0.35 * i),
+                                                                            std::sin(0.35 * i))));
   EXPECT_EQ(forms_text(extruded(turns)), "");
   // a tube along a bend, in rings of 10 degrees: no strip of it is a cylinder, all of it is a torus
   filleted::Builder tube;

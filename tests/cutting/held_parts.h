@@ -1,19 +1,10 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <array>
-#include <cmath>
-#include <random>
-#include <vector>
-
 #include "cutting/stock/part_findings.h"
-#include "kinematics/units.h"
+#include "tests/test.h"
 
 /// Designs, stocks milled to them, and what the one says of the other.
 namespace abbe::cutting::held_parts {
-
-using Eigen::Vector3d;
 
 /// Quads, corners counter-clockwise from outside, as a design whose facets are the surface.
 struct Quads {
@@ -33,12 +24,11 @@ struct Quads {
   }
   Design design(const Eigen::Isometry3d& T = Eigen::Isometry3d::Identity()) const {
     Design made;
-    made.vertices.resize(Eigen::Index(corners.size()), 3);
-    for (std::size_t i = 0; i < corners.size(); ++i)
-      made.vertices.row(Eigen::Index(i)) = T * corners[i];
-    made.triangles.resize(Eigen::Index(triangles.size()), 3);
+    made.vertices.resize(Index(corners.size()), 3);
+    for (std::size_t i = 0; i < corners.size(); ++i) made.vertices.row(Index(i)) = T * corners[i];
+    made.triangles.resize(Index(triangles.size()), 3);
     for (std::size_t t = 0; t < triangles.size(); ++t)
-      for (int k = 0; k < 3; ++k) made.triangles(Eigen::Index(t), k) = triangles[t][std::size_t(k)];
+      for (int k = 0; k < 3; ++k) made.triangles(Index(t), k) = triangles[t][std::size_t(k)];
     made.normals = vertex_normals(made.vertices, made.triangles);
     return made;
   }

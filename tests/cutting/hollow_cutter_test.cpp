@@ -1,17 +1,6 @@
 // Hollow tools of revolution: their parts, the surface against brute force and closed forms, the
 // search against every move tried, stock, engagement, run-out and bodies, and what is refused.
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <iostream>
-#include <limits>
-#include <map>
-#include <numbers>
-#include <string>
-
-#include <gtest/gtest.h>
-
 #include "cutting/stock/body.h"
 #include "cutting/stock/engagement.h"
 #include "cutting/surface/machined_surface.h"
@@ -20,19 +9,15 @@
 #include "cutting/surface/surface.h"
 #include "cutting/surface/surface_search.h"
 #include "cutting/surface/tool.h"
-#include "kinematics/units.h"
 #include "tests/cutting/brute_pairs.h"
 #include "tests/cutting/every_move.h"
 #include "tests/cutting/random.h"
 #include "tests/cutting/stock_parts.h"
 #include "tests/oracles/brute_surface.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 namespace {
-
-using Eigen::Vector2d;
-using Eigen::Vector3d;
-using std::numbers::pi;
 
 namespace hollow_tools {
 
@@ -196,8 +181,7 @@ TEST(HollowCutter, SearchFindsWhatEveryMoveTriedFinds) {
       const Cutter cutter = cutter_of(tool);
       const int moves = 60;
       CutterMotion motion{Eigen::MatrixX3d(moves + 1, 3), Eigen::MatrixX3d(moves + 1, 3),
-                          Eigen::VectorXd::LinSpaced(moves + 1, 0, moves),
-                          std::vector<int>(moves + 1, 1)};
+                          VectorXd::LinSpaced(moves + 1, 0, moves), std::vector<int>(moves + 1, 1)};
       const double step = random.decades(-3, 0.5),
                    turn = random.once_in(3) ? 0.0 : random.decades(-6, -1);
       Vector3d tip = random.any(), axis = random.direction();
@@ -242,8 +226,7 @@ TEST(HollowCutter, OnAStraightPathLeavesItsSection) {
                            Tool{"T-slot cutter", t_slot},
                            Tool{"grooved", {{{5, 0}}, {{5, 3}}, {{4, 4}}, {{5, 5}}, {{5, 10}}}}}) {
     const Cutter cutter = cutter_of(tool);
-    CutterMotion motion{
-        Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
+    CutterMotion motion{Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Vector2d(0, 1), {1, 1}};
     motion.tip << -30, 0, 0, 30, 0, 0;
     motion.axis << 0, 0, 1, 0, 0, 1;
     constexpr double wall = 6.5;
@@ -264,8 +247,7 @@ TEST(HollowCutter, OnAStraightPathLeavesItsSection) {
     }
   }
   const Cutter cutter = form_cutter(tool_outline_from_points(t_slot));
-  CutterMotion motion{
-      Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
+  CutterMotion motion{Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Vector2d(0, 1), {1, 1}};
   motion.tip << -30, 0, 0, 30, 0, 0;
   motion.axis << 0, 0, 1, 0, 0, 1;
   Design overhang;
@@ -285,7 +267,7 @@ TEST(HollowCutter, AMotionInBlocksLeavesTheSame) {
   const Cutter cutter = form_cutter(tool_outline_from_points(t_slot));
   const int n = 200;
   CutterMotion motion{Eigen::MatrixX3d(n, 3), Eigen::MatrixX3d(n, 3),
-                      Eigen::VectorXd::LinSpaced(n, 0, n - 1), std::vector<int>(n, 1)};
+                      VectorXd::LinSpaced(n, 0, n - 1), std::vector<int>(n, 1)};
   for (int i = 0; i < n; ++i) {
     motion.tip.row(i) << 0.3 * i - 30, 2 * std::sin(0.1 * i), 0.2 * std::cos(0.3 * i);
     motion.axis.row(i) = Vector3d(0.1 * std::sin(0.02 * i), 0.05, 1).normalized();
@@ -317,7 +299,7 @@ TEST(HollowCutter, AMotionInBlocksLeavesTheSame) {
     ASSERT_EQ(whole.status[i], streamed.status[i]);
     if (whole.status[i] != VertexStatus::Cut) continue;
     ++cut;
-    EXPECT_EQ(whole.residual[Eigen::Index(i)], streamed.residual[Eigen::Index(i)]);
+    EXPECT_EQ(whole.residual[Index(i)], streamed.residual[Index(i)]);
     EXPECT_EQ(whole.cut_line[i], streamed.cut_line[i]);
   }
   EXPECT_GT(cut, 50);
@@ -414,7 +396,7 @@ TEST(HollowCutter, ProfilesThatCannotBeAreRefusedAtTheirPoint) {
       tool_outline_from_points(points);
       ADD_FAILURE() << "taken: " << text;
     } catch (const OutlineError& fault) {
-      EXPECT_NE(std::string(fault.what()).find(text), std::string::npos) << fault.what();
+      EXPECT_HAS(fault.what(), text);
       EXPECT_LT((fault.at - at).norm(), 1e-9) << fault.what();
     }
   };
@@ -574,8 +556,7 @@ TEST(HollowBody, IsClosedAndLiesAroundTheProfile) {
 
 TEST(HollowCutter, WhatAsksForAConvexCutterRefusesIt) {
   const Cutter cutter = form_cutter(tool_outline_from_points(hollow_tools::t_slot));
-  CutterMotion motion{
-      Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
+  CutterMotion motion{Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Vector2d(0, 1), {1, 1}};
   motion.tip << -30, 0, 0, 30, 0, 0;
   motion.axis << 0, 0, 1, 0, 0, 1;
   Design design;

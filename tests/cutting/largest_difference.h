@@ -1,10 +1,7 @@
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <vector>
-
 #include "cutting/surface/surface.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 
@@ -12,7 +9,7 @@ namespace abbe::cutting {
 inline double largest_difference(const Surface& surface, const std::vector<double>& expected) {
   double worst = 0.0;
   for (std::size_t i = 0; i < expected.size(); ++i) {
-    const double difference = std::abs(surface.residual[Eigen::Index(i)] - expected[i]);
+    const double difference = std::abs(surface.residual[Index(i)] - expected[i]);
     if (std::isnan(difference)) return difference;
     worst = std::max(worst, difference);
   }

@@ -1,43 +1,17 @@
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstdint>
-#include <filesystem>
-#include <fstream>
-#include <functional>
-#include <iostream>
-#include <limits>
-#include <map>
-#include <numeric>
-#include <random>
-#include <set>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-#include <unistd.h>
-
 #include "cutting/part/mesh.h"
+#include "cutting/part/design_points.h"
 #include "cutting/part/primitive.h"
 #include "cutting/part/read_mesh.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 namespace {
-
-using Eigen::Vector3d;
-namespace fs = std::filesystem;
 
 const fs::path corpus = fs::path(ABBE_SOURCE_DIR) / "tests/corpus/mesh";
 const fs::path parts = fs::path(ABBE_SOURCE_DIR) / "scenes/parts";
 
 std::string refusal(const fs::path& file, const ReadMeshOptions& options = {}) {
-  try {
-    read_mesh(file, options);
-  } catch (const BadInput& bad) {
-    return bad.what();
-  }
-  return "accepted";
+  return thrown_text<BadInput>([&] { read_mesh(file, options); }, "accepted");
 }
 
 fs::path written(const std::string& name, const std::string& bytes) {
@@ -136,7 +110,7 @@ TEST(ReadMesh, EveryBadFileOfTheCorpusIsRefusedForItsReason) {
     const auto reason = reasons.find(name);
     ASSERT_NE(reason, reasons.end()) << name << " has no reason in this test";
     const std::string seen = refusal(entry.path());
-    EXPECT_NE(seen.find(reason->second), std::string::npos) << name << ": " << seen;
+    EXPECT_HAS(seen, reason->second) << name;
     std::cout << name << ": " << seen.substr(seen.find(name) + name.size()) << "\n";
   }
   EXPECT_EQ(files.size(), reasons.size());
@@ -184,16 +158,14 @@ TEST(ReadMesh, AnySpoiltByteIsRefusedOrGivesASoundMesh) {
 }
 
 TEST(ReadMesh, TheOrderOfTrianglesDoesNotMatter) {
-  const unsigned seed = 3;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(3);
   const Design cap = tessellate(SphereCap{50.0, 30.0}, {5000});
   std::vector<int> order(static_cast<std::size_t>(cap.triangles.rows()));
   std::iota(order.begin(), order.end(), 0);
   for (int round = 0; round < 3; ++round) {
     std::shuffle(order.begin(), order.end(), random);
     std::string text;
-    for (Eigen::Index i = 0; i < cap.vertices.rows(); ++i)
+    for (Index i = 0; i < cap.vertices.rows(); ++i)
       text += "v " + std::to_string(cap.vertices(i, 0)) + " " + std::to_string(cap.vertices(i, 1)) +
               " " + std::to_string(cap.vertices(i, 2)) + "\n";
     for (const int t : order)
@@ -273,7 +245,7 @@ TEST(ReadMesh, NormalsOfAnOpenRoofAreMeansOfItsFacesWithUnsharedCornersToo) {
               "f 1 2 3 4\nf 5 6 7 8\n"),
       options);
   ASSERT_EQ(roof.vertices.rows(), 6);
-  for (Eigen::Index i = 0; i < 6; ++i) {
+  for (Index i = 0; i < 6; ++i) {
     if (roof.vertices(i, 2) != 3.0) continue;
     EXPECT_NEAR(roof.normals(i, 1), 0.0, 0.15) << "on the ridge";
     EXPECT_GT(roof.normals(i, 2), 0.98);
@@ -288,12 +260,9 @@ TEST(ReadMesh, RepeatedCornersOfAFaceAreDroppedAndAFaceOfTwoIsCalledDegenerate) 
   EXPECT_EQ(read_mesh(good).triangles.rows(), 4);
   EXPECT_EQ(read_mesh(good).vertices.rows(), 4);
   const std::string seen = refusal(written("two.obj", points + "f 1 3 2\n" + rest + "f 1 1 2 5\n"));
-  EXPECT_NE(
-      seen.find(
-          ":10:1: expected faces with an area above 0, seen a degenerate face, 4 corners at 2 "
-          "points, one of them (0, 0, 0)"),
-      std::string::npos)
-      << seen;
+  EXPECT_HAS(seen,
+             ":10:1: expected faces with an area above 0, seen a degenerate face, 4 corners at 2 "
+             "points, one of them (0, 0, 0)");
 }
 
 TEST(ReadMesh, LimitsOfSizeAreHeldBeforeReading) {
@@ -301,12 +270,10 @@ TEST(ReadMesh, LimitsOfSizeAreHeldBeforeReading) {
   options.max_triangles = 3;
   for (const char* name :
        {"good_ascii.stl", "good_binary.stl", "good.off", "good.obj", "good_little.ply"})
-    EXPECT_NE(refusal(corpus / name, options).find("at most 3 triangles, seen 4"),
-              std::string::npos)
-        << name;
+    EXPECT_HAS(refusal(corpus / name, options), "at most 3 triangles, seen 4") << name;
   options = {};
   options.max_bytes = 10;
-  EXPECT_NE(refusal(corpus / "good.off", options).find("at most 10 bytes"), std::string::npos);
+  EXPECT_HAS(refusal(corpus / "good.off", options), "at most 10 bytes");
 }
 
 TEST(ReadMesh, DataThatIsNotNeededIsPassedOver) {
@@ -401,16 +368,14 @@ TEST(ReadMesh, DataThatIsNotNeededIsPassedOver) {
   }
   std::string short_list = with("binary_little_endian") + little;
   short_list.resize(short_list.size() - 4);
-  EXPECT_NE(refusal(written("short.ply", short_list)).find("data for all elements"),
-            std::string::npos);
+  EXPECT_HAS(refusal(written("short.ply", short_list)), "data for all elements");
 }
 
 TEST(ReadMesh, WhatIsNoMeshFileIsRefused) {
-  EXPECT_NE(refusal(corpus / "nowhere.stl").find("no such file"), std::string::npos);
-  EXPECT_NE(refusal(corpus).find("something that is not a file"), std::string::npos);
-  EXPECT_NE(refusal("/dev/zero").find("something that is not a file"), std::string::npos);
-  EXPECT_NE(refusal(written("part.step", "ISO-10303-21;")).find(".stl, .obj, .ply or .off"),
-            std::string::npos);
+  EXPECT_HAS(refusal(corpus / "nowhere.stl"), "no such file");
+  EXPECT_HAS(refusal(corpus), "something that is not a file");
+  EXPECT_HAS(refusal("/dev/zero"), "something that is not a file");
+  EXPECT_HAS(refusal(written("part.step", "ISO-10303-21;")), ".stl, .obj, .ply or .off");
   ReadMeshOptions options;
   options.unit_mm = 0.0;
   EXPECT_THROW(read_mesh(corpus / "good.off", options), std::invalid_argument);
@@ -429,11 +394,11 @@ TEST(ReadMesh, OnlyAPartThatCannotLieOnTheMachineIsRefusedForItsSize) {
   const Design part = read_mesh(parts / "freeform.stl");
   const auto obj = [&](double unit) {
     std::string text;
-    for (Eigen::Index i = 0; i < part.vertices.rows(); ++i)
+    for (Index i = 0; i < part.vertices.rows(); ++i)
       text += "v " + std::to_string(part.vertices(i, 0) / unit) + " " +
               std::to_string(part.vertices(i, 1) / unit) + " " +
               std::to_string(part.vertices(i, 2) / unit) + "\n";
-    for (Eigen::Index t = 0; t < part.triangles.rows(); ++t)
+    for (Index t = 0; t < part.triangles.rows(); ++t)
       text += "f " + std::to_string(part.triangles(t, 0) + 1) + " " +
               std::to_string(part.triangles(t, 1) + 1) + " " +
               std::to_string(part.triangles(t, 2) + 1) + "\n";
@@ -443,10 +408,10 @@ TEST(ReadMesh, OnlyAPartThatCannotLieOnTheMachineIsRefusedForItsSize) {
   options.travel = Vector3d(600, 500, 400);
   const std::string micrometre = refusal(written("um.obj", obj(1e-3)), options);
   std::cout << micrometre << "\n";
-  EXPECT_NE(micrometre.find("expected a part of at most 1200 mm, 2 times the travel of 600 mm (set "
-                            "the unit of the mesh), seen 6e+04 x"),
-            std::string::npos);
-  EXPECT_NE(micrometre.find("mm: read in um it would be 60 mm long"), std::string::npos);
+  EXPECT_HAS(micrometre,
+             "expected a part of at most 1200 mm, 2 times the travel of 600 mm (set "
+             "the unit of the mesh), seen 6e+04 x");
+  EXPECT_HAS(micrometre, "mm: read in um it would be 60 mm long");
   // 2.4 mm, 0.06 mm, 600 mm and 1200 mm can lie there
   for (const double unit : {25.4, 1000.0, 0.1, 0.05})
     EXPECT_EQ(refusal(written("other.obj", obj(unit)), options), "accepted") << unit;
@@ -478,7 +443,7 @@ TEST(ReadMesh, TheFreeFormBlockIsTheSurfaceOfItsSource) {
   const Design judged = judge_top(part, {0.5, 1.0});
   double height = 0.0, tilt = 0.0, sag = 0.0;
   int count = 0;
-  for (Eigen::Index i = 0; i < part.vertices.rows(); ++i) {
+  for (Index i = 0; i < part.vertices.rows(); ++i) {
     if (!judged.judged[static_cast<std::size_t>(i)]) continue;
     ++count;
     const double x = part.vertices(i, 0), y = part.vertices(i, 1);
@@ -501,7 +466,7 @@ TEST(JudgeTop, LeavesOutWallsRimAndMargin) {
   for (const double margin : {0.0, 0.1, 0.7, 5.0, 29.0}) {
     const Design judged = judge_top(part, {0.5, margin});
     int wrong = 0, count = 0;
-    for (Eigen::Index i = 0; i < part.vertices.rows(); ++i) {
+    for (Index i = 0; i < part.vertices.rows(); ++i) {
       const Vector3d p = part.vertices.row(i);
       const double plan = 30.0 - std::max(std::abs(p.x()), std::abs(p.y()));
       const bool is = judged.judged[static_cast<std::size_t>(i)] != 0;
@@ -520,9 +485,9 @@ TEST(JudgeTop, LeavesOutWallsRimAndMargin) {
 TEST(FacetError, IsTheSagOfTheEdgesOfASphere) {
   const double R = 50.0;
   const Design cap = tessellate(SphereCap{R, 30.0}, {5000});
-  const Eigen::VectorXd estimated = facet_error(cap.vertices, cap.normals, cap.triangles);
-  Eigen::VectorXd sag = Eigen::VectorXd::Zero(cap.vertices.rows());
-  for (Eigen::Index t = 0; t < cap.triangles.rows(); ++t)
+  const VectorXd estimated = facet_error(cap.vertices, cap.normals, cap.triangles);
+  VectorXd sag = VectorXd::Zero(cap.vertices.rows());
+  for (Index t = 0; t < cap.triangles.rows(); ++t)
     for (int k = 0; k < 3; ++k) {
       const int a = cap.triangles(t, k), b = cap.triangles(t, (k + 1) % 3);
       const Vector3d middle = 0.5 * (cap.vertices.row(a) + cap.vertices.row(b)).transpose();
@@ -541,7 +506,7 @@ TEST(Transformed, TurnsNormalsAndMovesPoints) {
   T.linear() = Eigen::AngleAxisd(0.3, Vector3d(1, 2, 3).normalized()).toRotationMatrix();
   T.translation() = Vector3d(4, 5, 6);
   const Design moved = transformed(disc, T);
-  for (Eigen::Index i = 0; i < disc.vertices.rows(); ++i) {
+  for (Index i = 0; i < disc.vertices.rows(); ++i) {
     EXPECT_LT((moved.vertices.row(i).transpose() - T * disc.vertices.row(i).transpose()).norm(),
               1e-14);
     EXPECT_LT(
@@ -549,6 +514,108 @@ TEST(Transformed, TurnsNormalsAndMovesPoints) {
         1e-15);
   }
   EXPECT_EQ(moved.area, disc.area);
+}
+
+struct Deviations {
+  double height = 0.0, flat = 0.0, tilt = 0.0;
+};
+
+/// How far the contacts of a mesh leave a true surface, and how far its flat triangles do.
+template <class Truth>
+Deviations against(const MeshHeightMap& mesh, const Truth& truth, double reach) {
+  SeededRandom random(7);
+  std::uniform_real_distribution<double> in(-reach, reach);
+  // flat: the same mesh with every normal that of the triangle is what a sharp edge gets
+  Design bare = mesh.design();
+  for (Index i = 0; i < bare.normals.rows(); ++i) bare.normals.row(i) = Eigen::RowVector3d(1, 0, 0);
+  const MeshHeightMap flat(bare);
+  Deviations d;
+  for (int i = 0; i < 20000; ++i) {
+    const double x = in(random), y = in(random);
+    const Contact expected = truth(x, y);
+    const auto smooth = highest_surface_point(mesh, x, y);
+    const auto facet = highest_surface_point(flat, x, y);
+    EXPECT_TRUE(smooth && facet);
+    if (!smooth || !facet) return d;
+    EXPECT_EQ(smooth->point.x(), x);
+    EXPECT_EQ(smooth->point.y(), y);
+    d.height = std::max(d.height, std::abs(smooth->point.z() - expected.point.z()));
+    d.flat = std::max(d.flat, std::abs(facet->point.z() - expected.point.z()));
+    d.tilt = std::max(d.tilt, smooth->normal.cross(expected.normal).norm());
+  }
+  return d;
+}
+
+TEST(MeshHeightMap, AQuadraticSurfaceWithExactNormalsIsReproduced) {
+  // a paraboloid over an irregular sheet; rounding alone is left
+  Design sheet = tessellate(RectanglePlane{20, 20}, {500});
+  const auto truth = [](double x, double y) {
+    return Contact{Vector3d(x, y, 0.02 * x * x - 0.03 * x * y + 0.01 * y * y),
+                   Vector3d(-0.04 * x + 0.03 * y, 0.03 * x - 0.02 * y, 1).normalized()};
+  };
+  for (Index i = 0; i < sheet.vertices.rows(); ++i) {
+    const Contact c = truth(sheet.vertices(i, 0), sheet.vertices(i, 1));
+    sheet.vertices.row(i) = c.point;
+    sheet.normals.row(i) = c.normal;
+  }
+  const Deviations d = against(MeshHeightMap(sheet), truth, 10.0);
+  std::cout << "paraboloid: " << d.height << " mm (flat triangles " << d.flat << "), " << d.tilt
+            << " rad\n";
+  EXPECT_LT(d.height, 1e-13);
+  EXPECT_LT(d.tilt, 1e-13);
+  EXPECT_GT(d.flat, 1e-3);
+}
+
+TEST(MeshHeightMap, ADomeIsMetBetterThanItsFacets) {
+  const SphereCap cap{50.0, 30.0};
+  const MeshHeightMap mesh(tessellate(cap, {20000}));
+  const auto truth = [&](double x, double y) { return *highest_surface_point(cap, x, y); };
+  const Deviations d = against(mesh, truth, 20.0);
+  std::cout << "dome: " << d.height * 1e6 << " nm (flat " << d.flat * 1e6 << " nm), "
+            << d.tilt * 1e6 << " urad\n";
+  EXPECT_LT(d.height, 0.02 * d.flat);
+}
+
+TEST(MeshHeightMap, TheFreeFormBlockIsMetBetterThanItsFacets) {
+  const MeshHeightMap mesh(read_mesh(std::string(ABBE_SOURCE_DIR) + "/scenes/parts/freeform.stl"));
+  const auto truth = [](double x, double y) {
+    const double dx =
+        2.4 / 9 * std::cos(x / 9 + 0.3) * std::cos(y / 11) - 0.8 / 17 * std::sin(x / 17 - y / 8);
+    const double dy =
+        -2.4 / 11 * std::sin(x / 9 + 0.3) * std::sin(y / 11) + 0.8 / 8 * std::sin(x / 17 - y / 8);
+    const double z =
+        10 + 2.4 * std::sin(x / 9 + 0.3) * std::cos(y / 11) + 0.8 * std::cos(x / 17 - y / 8);
+    return Contact{Vector3d(x, y, z), Vector3d(-dx, -dy, 1).normalized()};
+  };
+  const Deviations d = against(mesh, truth, 29.0);
+  std::cout << "free form: " << d.height * 1e6 << " nm (flat " << d.flat * 1e6 << " nm), "
+            << d.tilt * 1e6 << " urad\n";
+  EXPECT_LT(d.height, 0.2 * d.flat);
+  EXPECT_FALSE(highest_surface_point(mesh, 30.5, 0.0));
+  EXPECT_FALSE(highest_surface_point(mesh, 0.0, NAN));
+  EXPECT_TRUE(highest_surface_point(mesh, 30.0 - 1e-5, 30.0 - 1e-5));
+}
+
+TEST(MeshHeightMap, TheHighestOfSeveralSheetsIsTaken) {
+  Design low = tessellate(RectanglePlane{10, 10}, {100});
+  Design both = low;
+  const auto n = low.vertices.rows(), m = low.triangles.rows();
+  both.vertices.resize(2 * n, 3);
+  both.normals.resize(2 * n, 3);
+  both.triangles.resize(2 * m, 3);
+  both.vertices << low.vertices, low.vertices.rowwise() + Eigen::RowVector3d(3, 0, 2);
+  both.normals << low.normals, low.normals;
+  both.triangles << low.triangles, (low.triangles.array() + static_cast<int>(n)).matrix();
+  const MeshHeightMap mesh(both);
+  EXPECT_EQ(highest_surface_point(mesh, -4.0, 1.0)->point.z(), 0.0);
+  EXPECT_EQ(highest_surface_point(mesh, 1.0, 1.0)->point.z(), 2.0);
+  EXPECT_EQ(highest_surface_point(mesh, 7.0, 1.0)->point.z(), 2.0);
+  EXPECT_FALSE(highest_surface_point(mesh, 8.1, 1.0));
+}
+
+TEST(MeshHeightMap, NothingIsAboveAWallOrAnEmptyMesh) {
+  EXPECT_FALSE(highest_surface_point(MeshHeightMap(Design{}), 0, 0));
+  EXPECT_FALSE(highest_surface_point(MeshHeightMap(tessellate(Cylinder{10, 5}, {200})), 10, 0));
 }
 
 }  // namespace

@@ -1,23 +1,14 @@
-#include "cutting/surface/surface.h"
-
-#include <cmath>
-#include <iostream>
-#include <random>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
 #include <tbb/global_control.h>
-
-#include "kinematics/units.h"
+#include "cutting/surface/surface.h"
+#include "cutting/surface/tool.h"
 #include "tests/cutting/largest_difference.h"
 #include "tests/cutting/milled_parts.h"
-#include "tests/kinematics/nan.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 namespace {
 
 using Eigen::AngleAxisd;
-using Eigen::Vector3d;
 
 const SurfaceOptions wide_band{.band = 5.0, .progress = {}};
 
@@ -179,7 +170,7 @@ TEST(MilledSurface, AFlatEndLeavesAnExactPlaneInItsSlotAndNothingBeside) {
     const double beyond = std::max(0.0, sites[i].point.x() - 20);
     const bool in_slot = std::hypot(sites[i].point.y(), beyond) < 5;
     EXPECT_EQ(surface.status[i] == VertexStatus::Cut, in_slot) << sites[i].point.transpose();
-    if (in_slot) worst = std::max(worst, std::abs(surface.residual[Eigen::Index(i)] + 0.3));
+    if (in_slot) worst = std::max(worst, std::abs(surface.residual[Index(i)] + 0.3));
   }
   std::cout << "  flat to " << worst * 1e6 << " nm\n";
   EXPECT_LE(worst, 1e-15);
@@ -215,7 +206,7 @@ TEST(MilledSurface, ALeadingBullNoseLeavesTheOffsetOfItsRingsEllipse) {
     for (int i = -70; i <= 70; ++i) {
       const double psi = 0.02 * i;
       // Seen along the feed: the ring is an ellipse with half axes ring and ring sin(lead).
-      Eigen::Vector2d down(std::sin(psi) * std::sin(lead), -std::cos(psi));
+      Vector2d down(std::sin(psi) * std::sin(lead), -std::cos(psi));
       down.normalize();
       const double y = ring * std::sin(psi) + r * down.x();
       const double z = r * std::cos(lead) - ring * std::sin(lead) * std::cos(psi) + r * down.y();
@@ -315,8 +306,8 @@ TEST(MilledSurface, StatusTellsMissesBuriedStartsAndVerticesLeftOut) {
   EXPECT_EQ(surface.status, expected);
   for (std::size_t i = 0; i < expected.size(); ++i) {
     const bool cut = expected[i] == VertexStatus::Cut, gouged = expected[i] == VertexStatus::Gouged;
-    EXPECT_EQ(std::isnan(surface.residual[Eigen::Index(i)]), !cut);
-    EXPECT_EQ(std::isnan(surface.cut_time_s[Eigen::Index(i)]), !cut && !gouged);
+    EXPECT_EQ(std::isnan(surface.residual[Index(i)]), !cut);
+    EXPECT_EQ(std::isnan(surface.cut_time_s[Index(i)]), !cut && !gouged);
     EXPECT_EQ(surface.cut_line[i], cut || gouged ? 10 : 0);
   }
   ASSERT_EQ(surface.gouges.size(), 2u);
@@ -329,9 +320,11 @@ TEST(MilledSurface, StatusTellsMissesBuriedStartsAndVerticesLeftOut) {
 }
 
 TEST(MilledSurface, NothingIsCutWithoutMotionAndNothingToldWithoutVertices) {
-  const Surface uncut = milled_surface(design_of({{Vector3d(0, 0, 0)}}), {5, 5, 20}, motion_of({}));
+  const Surface uncut =
+      milled_surface(design_of({{Vector3d(0, 0, 0)}}), {5, 5, 20}, motion_of(std::vector<Stop>{}));
   EXPECT_EQ(uncut.status[0], VertexStatus::Uncut);
-  const Surface empty = milled_surface(design_of({}), {5, 5, 20}, motion_of({{Vector3d(0, 0, 0)}}));
+  const Surface empty =
+      milled_surface(design_of(std::vector<Site>{}), {5, 5, 20}, motion_of({{Vector3d(0, 0, 0)}}));
   EXPECT_EQ(empty.residual.size(), 0);
 }
 
@@ -375,6 +368,211 @@ TEST(MilledSurface, BadArraysAndNumbersAreRefusedByName) {
   bad_design = design;
   bad_design.judged = {1, 1};
   refused(bad_design, {}, good, 2.0);
+}
+
+// What the search of a surface must not lose: moves whose cutter stands in a singular place of the
+// ray or of its own frame. A cutter that stands nearly upright, by squareness or a turned head,
+// cuts a hollow with its far side. Its depth is first order in the lean, so it is there at every
+// lean that a machine has.
+
+/// Across a straight pass along x of a cutter that leans by `lean` along it: the lowest place of
+/// its ring at an angle `alpha` from x, and the corner around it. (y, z) mm over the tip.
+Vector2d hollow(const Cutter& cutter, double lean, double alpha) {
+  const double r = cutter.corner_radius, ring = cutter.radius - r;
+  const double flat = std::sin(lean);  // of the ring, seen along x
+  Vector2d outward(flat * std::sin(alpha), -std::cos(alpha));
+  outward.normalize();
+  return Vector2d(ring * std::sin(alpha), r * std::cos(lean) - ring * flat * std::cos(alpha)) +
+         r * outward;
+}
+
+/// A pass along x from -3 R to 3 R with a sample every `step` mm.
+CutterMotion leaning_pass(const Cutter& cutter, double lean, double step, bool there_and_back) {
+  const Vector3d axis(std::sin(lean), 0.0, std::cos(lean));
+  const double half = 3.0 * cutter.radius;
+  const int moves = std::max(1, int(std::lround(2.0 * half / step)));
+  std::vector<Stop> stops;
+  for (int i = 0; i <= moves; ++i) stops.push_back({{half * (2.0 * i / moves - 1.0), 0, 0}, axis});
+  if (there_and_back)
+    for (int i = moves; i >= 0; --i) stops.push_back(stops[std::size_t(i)]);
+  return motion_of(stops);
+}
+
+struct Found {
+  double worst = 0.0;  // mm, from the closed form
+  double pv = 0.0;     // mm
+};
+
+Found against_closed_form(const Cutter& cutter, double lean, double width, double step,
+                          bool there_and_back) {
+  std::vector<Site> sites;
+  std::vector<double> expected;
+  const double ring = cutter.radius - cutter.corner_radius;
+  for (int k = 0; k < 8; ++k)
+    for (int i = -10; i <= 10; ++i) {
+      const Vector2d at = hollow(cutter, lean, std::asin(0.5 * width * i / 10 / ring));
+      sites.push_back({{(0.0137 + 0.031 * k) * cutter.radius, at.x(), 0.0}});
+      expected.push_back(at.y());
+    }
+  const Surface surface =
+      milled_surface(design_of(sites), cutter, leaning_pass(cutter, lean, step, there_and_back));
+  Found found;
+  for (std::size_t i = 0; i < sites.size(); ++i) {
+    const double off = std::abs(surface.residual[Index(i)] - expected[i]);
+    if (!std::isnan(found.worst)) found.worst = std::isnan(off) ? off : std::max(found.worst, off);
+  }
+  found.pv = surface.residual.maxCoeff() - surface.residual.minCoeff();
+  return found;
+}
+
+struct JudgedCutter {
+  const char* name;
+  Cutter cutter;
+  double width;  // mm judged, of the ring
+};
+const JudgedCutter judged_cutters[] = {{"flat R10", {10, 0, 30}, 12},
+                                       {"flat R40", {40, 0, 60}, 48},
+                                       {"bull R6 r1", {6, 1, 25}, 6},
+                                       {"bull R0.5 r0.1", {0.5, 0.1, 3}, 0.6},
+                                       {"bull R100 r99", {100, 99, 120}, 1.5}};
+
+TEST(UprightCutter, LeavesItsHollowAtEveryLean) {
+  for (const JudgedCutter& kind : judged_cutters)
+    for (const double lean : {1e-9, 1e-7, 20e-6, 50e-6, 100e-6, 200e-6, 500e-6, 1e-3, 2e-3, 0.01})
+      for (const double part : {0.01, 0.1, 1.0, 6.0})
+        for (const bool back : {false, true}) {
+          const Found found =
+              against_closed_form(kind.cutter, lean, kind.width, part * kind.cutter.radius, back);
+          EXPECT_LE(found.worst, no_difference)
+              << kind.name << ", lean " << lean << ", step " << part << " R, back " << back
+              << ": PV " << found.pv * 1e3 << " um";
+        }
+}
+
+TEST(UprightCutter, PeakToValleyOfAPassIsThatOfTheRing) {
+  for (const auto& [kind, lean, pv_um] :
+       {std::tuple{judged_cutters[0], 100e-6, 0.200}, std::tuple{judged_cutters[1], 200e-6, 1.600},
+        std::tuple{judged_cutters[2], 200e-6, 0.200}})
+    for (const double step : {0.05, 0.5, 2.0, 20.0}) {
+      const Found found = against_closed_form(kind.cutter, lean, kind.width, step, false);
+      std::cout << "  " << kind.name << ", " << lean * 1e6 << " urad, step " << step << " mm: PV "
+                << found.pv * 1e3 << " um, closed form " << pv_um << "\n";
+      EXPECT_NEAR(found.pv * 1e3, pv_um, 1e-4) << kind.name << ", step " << step;
+    }
+}
+
+/// Where a small ball touches a plane, the normal runs through its middle and out behind it.
+TEST(SmallBall, LeavesThePlaneThatItTouches) {
+  const Cutter ball{0.15, 0.15, 2};
+  const unsigned seed = 31;
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  const auto any = [&] { return Vector3d(normal(random), normal(random), normal(random)); };
+  for (int plane = 0; plane < 1000; ++plane) {
+    const Vector3d n = any().normalized(), x = n.unitOrthogonal();
+    const Vector3d axis = (n + 0.2 * x).normalized();
+    std::vector<Stop> stops;
+    for (int k = 0; k <= 4; ++k) stops.push_back({0.5 * k * x + ball.radius * (n - axis), axis});
+    for (const double along : {0.25, 0.75, 1.1, 1.3}) {  // vertices that share nothing
+      const Surface surface = milled_surface(design_of({{along * x, n}}), ball, motion_of(stops));
+      EXPECT_LE(std::abs(surface.residual[0]), no_difference)
+          << "seed " << seed << ", normal " << n.transpose() << ", " << along << " mm along";
+    }
+  }
+}
+
+// The union of a cutter's places by brute force: a point is in it if some place of the axis on a
+// fine grid of angles and heights has the point inside the cutter.
+
+/// How far a point at radius r and height z above the tip lies outside a cutter, mm; < 0 inside.
+double outside_by(const Cutter& cutter, double r, double z) {
+  const double flat = cutter.radius - cutter.corner_radius;
+  const double across = std::max(0.0, r - flat);
+  const double below = std::max(0.0, cutter.corner_radius - z);
+  const bool in_core = across == 0.0 && below == 0.0;
+  const double core = in_core ? -1.0 : std::hypot(across, below) - cutter.corner_radius;
+  return std::max({core, r - cutter.radius, -z, z - cutter.flank_length});
+}
+
+/// The same of the union, at z above the tip at rest.
+double outside_union_by(const Cutter& cutter, double radial, double axial, double r, double z) {
+  double least = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < 720; ++i) {
+    const double angle = i * pi / 720;  // the other half mirrors
+    const double from_axis = std::hypot(r - radial * std::cos(angle), radial * std::sin(angle));
+    for (int k = -20; k <= 20; ++k)
+      least = std::min(least, outside_by(cutter, from_axis, z - axial * k / 20));
+    if (radial == 0.0) break;
+  }
+  return least;
+}
+
+struct Compared {
+  int inside = 0, outside = 0, only_hull = 0, only_union = 0;
+  double deepest = 0.0;  ///< mm, height above the tip to which the hull alone reaches
+};
+
+Compared compare(const Cutter& cutter, double radial, double axial) {
+  const Cutter hull = with_run_out(cutter, radial, axial);
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> unit(0, 1);
+  Compared found;
+  const double grid = 1e-4 * (radial + axial) + axial / 20 + 1e-9;
+  for (int i = 0; i < 2000; ++i) {
+    const bool at_the_tip = i % 2 == 0;
+    const double r = (at_the_tip ? 1.5 * radial + 0.01 : 1.3 * cutter.radius) * unit(random);
+    const double z = -1.2 * axial + (at_the_tip ? 0.3 : 1.2 * cutter.flank_length) * unit(random);
+    const double in_hull = outside_by(hull, r, z + axial);
+    const double in_union = outside_union_by(cutter, radial, axial, r, z);
+    if (std::abs(in_hull) < grid || std::abs(in_union) < grid) continue;  // at a skin
+    ++(in_hull < 0 ? found.inside : found.outside);
+    if (in_hull < 0 && in_union > 0) {
+      ++found.only_hull;
+      found.deepest = std::max(found.deepest, z);
+    }
+    if (in_hull > 0 && in_union < 0) ++found.only_union;
+  }
+  std::cout << "run-out " << radial << " " << axial << " on R " << cutter.radius << " corner "
+            << cutter.corner_radius << ": " << found.inside << " in, " << found.outside
+            << " out, hull alone " << found.only_hull << " up to " << found.deepest << " mm\n";
+  EXPECT_GT(found.inside, 250);
+  EXPECT_GT(found.outside, 250);
+  EXPECT_EQ(found.only_union, 0);
+  return found;
+}
+
+TEST(RunOut, IsTheUnionOfThePlacesWhereItSaysSo) {
+  EXPECT_EQ(compare({5, 0, 20}, 0.3, 0.0).only_hull, 0);  // a flat end
+  EXPECT_EQ(compare({6, 1, 20}, 0.3, 0.0).only_hull, 0);  // a bull nose, flat of 5
+  EXPECT_EQ(compare({5, 5, 20}, 0.0, 0.2).only_hull, 0);  // axial alone
+  EXPECT_EQ(compare({6, 1, 20}, 0.3, 0.2).only_hull, 0);  // every height at every angle
+}
+
+TEST(RunOut, BallLeavesAHollowNoDeeperThanStated) {
+  for (const double radial : {0.2, 0.5, 1.0}) {
+    const Compared found = compare({5, 5, 20}, radial, 0.0);
+    const double stated = radial * radial / (5 + std::sqrt(25 - radial * radial));
+    EXPECT_GT(found.only_hull, 0) << radial;
+    EXPECT_LE(found.deepest, stated + 1e-4) << radial;
+  }
+  EXPECT_NEAR(1.0_um * 1.0_um / (5 + std::sqrt(25 - 1.0_um * 1.0_um)), 0.1_nm, 1e-12);
+}
+
+TEST(RunOut, SynchronousRunOutEnlargesTheEffectiveRadius) {
+  const Cutter larger = with_run_out({8, 1, 25}, 12.0_um, 3.0_um);
+  EXPECT_DOUBLE_EQ(larger.radius, 8.012);
+  EXPECT_DOUBLE_EQ(larger.corner_radius, 1.0);
+  EXPECT_DOUBLE_EQ(larger.flank_length, 25.006);
+  const Cutter same = with_run_out({8, 1, 25}, 0.0, 0.0);
+  EXPECT_EQ(same.radius, 8.0);
+  EXPECT_EQ(same.flank_length, 25.0);
+}
+
+TEST(RunOut, AmountsThatCannotBeAreRefusedByName) {
+  EXPECT_THROW(with_run_out({}, -1e-3, 0), std::invalid_argument);
+  EXPECT_THROW(with_run_out({}, nan, 0), std::invalid_argument);
+  const std::string said = thrown_text<std::invalid_argument>([&] { with_run_out({}, 0, -1e-3); });
+  EXPECT_EQ(said, "expected axial run-out of at least 0 mm, seen -0.001");
 }
 
 }  // namespace

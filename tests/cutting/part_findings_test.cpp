@@ -1,32 +1,21 @@
 // Findings on the cut part against closed forms.
 
 #include "cutting/stock/part_findings.h"
-
-#include <gtest/gtest.h>
-
-#include <chrono>
-#include <cmath>
-#include <iostream>
-#include <random>
-
 #include <tbb/global_control.h>
-
 #include "cutting/stock/stock_mesh.h"
 #include "tests/cutting/held_parts.h"
 #include "tests/cutting/stock_parts.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 namespace {
 
 using namespace held_parts;
-using Eigen::Vector3d;
 
 // ---- nothing to find ----------------------------------------------------------------------------
 
 TEST(PartFindings, AnExactCutHasNone) {
-  const unsigned seed = 20263;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20263);
   for (const double spacing : {0.9, 0.5}) {
     const Eigen::Isometry3d T = any_pose(random);
     Stock stock = full_block(T, spacing);
@@ -45,9 +34,7 @@ TEST(PartFindings, AnExactCutHasNone) {
 
 TEST(PartFindings, SharpEdgesHoweverTheyLieMakeNoFinding) {
   // the blank is the design, turned at random against the grid: its edges run through the cells
-  const unsigned seed = 20264;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20264);
   double max_listed = 0.0, off_skin = 0.0;
   for (int i = 0; i < 6; ++i) {
     const Eigen::Isometry3d T = any_pose(random), T_wk = any_pose(random);
@@ -75,9 +62,7 @@ TEST(PartFindings, SharpEdgesHoweverTheyLieMakeNoFinding) {
 // ---- findings of known size ---------------------------------------------------------------------
 
 TEST(PartFindings, APlaceThatIsLeftTooHighHasItsVolumeDepthAndPlace) {
-  const unsigned seed = 20265;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20265);
   const std::array<double, 2> x{14.3, 26.9}, y{9.1, 19.6};
   const double left = 0.3, expected = left * (x[1] - x[0]) * (y[1] - y[0]);
   for (const double spacing : {1.0, 0.5, 0.25}) {
@@ -102,7 +87,7 @@ TEST(PartFindings, APlaceThatIsLeftTooHighHasItsVolumeDepthAndPlace) {
     EXPECT_LT(place.x(), x[1] + 1e-8);
     EXPECT_GT(place.y(), y[0] - 1e-8);
     EXPECT_LT(place.y(), y[1] + 1e-8);
-    for (Eigen::Index i = 0; i < all.skin.mesh.vertices_w.rows(); ++i) {
+    for (Index i = 0; i < all.skin.mesh.vertices_w.rows(); ++i) {
       const Vector3d p = T.inverse() * Vector3d(all.skin.mesh.vertices_w.row(i));
       const bool within = p.x() > x[0] + spacing && p.x() < x[1] - spacing &&
                           p.y() > y[0] + spacing && p.y() < y[1] - spacing && p.z() > 5;
@@ -114,9 +99,7 @@ TEST(PartFindings, APlaceThatIsLeftTooHighHasItsVolumeDepthAndPlace) {
 }
 
 TEST(PartFindings, ABallThatDipsIntoAFlatGougesACap) {
-  const unsigned seed = 20266;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20266);
   std::uniform_real_distribution<double> shift(-0.5, 0.5);
   const double R = 6, h = 0.4, limit = 0.05;
   const auto cap = [&](double height) { return pi * height * height * (3 * R - height) / 3; };
@@ -174,9 +157,7 @@ TEST(PartFindings, MaterialFurtherOffThanTheBandIsSaidToBeAtLeastThat) {
 // ---- undercuts ----------------------------------------------------------------------------------
 
 TEST(PartFindings, TheSidesOfATSlotAreUndercut) {
-  const unsigned seed = 20267;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20267);
   const double low = 5.15, high = 10.3, from = 12.3, to = 27.4, neck_from = 17.1, neck_to = 22.3;
   for (const double spacing : {0.8, 0.4}) {
     const Eigen::Isometry3d T = any_pose(random);
@@ -293,7 +274,7 @@ TEST(PartFindings, AGrooveTurnedTooDeepIsFoundAllAround) {
   Eigen::Matrix<double, Eigen::Dynamic, 2> profile(2, 2);
   profile << 0, R, 30, R;
   TurnedStock stock = make_turned_stock(profile, 0.05, {1, 2, 3}, Vector3d::UnitX());
-  for (Eigen::Index i = 0; i < stock.radius.size(); ++i) {
+  for (Index i = 0; i < stock.radius.size(); ++i) {
     const double along = stock.first + stock.spacing * double(i);
     stock.line[std::size_t(i)] = 4;
     if (along <= from || along >= to) continue;
@@ -311,7 +292,7 @@ TEST(PartFindings, AGrooveTurnedTooDeepIsFoundAllAround) {
     for (int i = 0; i < 15; ++i)
       cylinder.add(at(2 * i, k), at(2 * i, k + 1), at(2 * i + 2, k + 1), at(2 * i + 2, k));
   Design design = cylinder.design();
-  for (Eigen::Index i = 0; i < design.normals.rows(); ++i)
+  for (Index i = 0; i < design.normals.rows(); ++i)
     design.normals.row(i) =
         Eigen::RowVector3d(0, design.vertices(i, 1) - 2, design.vertices(i, 2) - 3).normalized();
   ASSERT_GT(vertex_normals(design.vertices, design.triangles).row(0).dot(design.normals.row(0)), 0);
@@ -339,7 +320,7 @@ TEST(PartFindings, AreTheSameForAnyNumberOfThreads) {
   const Held all = held(stock, design);
   const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
   const Held alone = held(stock, design);
-  for (Eigen::Index i = 0; i < all.part.deviation.size(); ++i) {
+  for (Index i = 0; i < all.part.deviation.size(); ++i) {
     const double a = all.part.deviation[i], b = alone.part.deviation[i];
     ASSERT_TRUE(a == b || (std::isnan(a) && std::isnan(b)));
   }

@@ -1,11 +1,6 @@
 #pragma once
 
-#include <cmath>
-#include <cstdint>
-#include <cstdlib>
-#include <random>
-
-#include <Eigen/Geometry>
+#include "tests/test.h"
 
 namespace abbe::cutting {
 
@@ -25,24 +20,24 @@ class RandomNumbers {
   int below(int n) { return std::uniform_int_distribution<int>(0, n - 1)(engine_); }
   bool once_in(int n) { return below(n) == 0; }
 
-  Eigen::Vector3d any() { return {in(-1, 1), in(-1, 1), in(-1, 1)}; }
-  Eigen::Vector3d direction() {
+  Vector3d any() { return {in(-1, 1), in(-1, 1), in(-1, 1)}; }
+  Vector3d direction() {
     std::normal_distribution<double> normal;
-    return Eigen::Vector3d(normal(engine_), normal(engine_), normal(engine_)).normalized();
+    return Vector3d(normal(engine_), normal(engine_), normal(engine_)).normalized();
   }
-  Eigen::Vector3d near(const Eigen::Vector3d& direction, double spread) {
+  Vector3d near(const Vector3d& direction, double spread) {
     return (direction + spread * any()).normalized();
   }
-  Eigen::Vector3d turned(const Eigen::Vector3d& v, double angle) {
+  Vector3d turned(const Vector3d& v, double angle) {
     return (std::cos(angle) * v + std::sin(angle) * v.cross(any()).normalized()).normalized();
   }
   /// To every side alike.
-  Eigen::Vector3d turned_evenly(const Eigen::Vector3d& v, double angle) {
-    const Eigen::Vector3d across = v.cross(direction()).normalized();
+  Vector3d turned_evenly(const Vector3d& v, double angle) {
+    const Vector3d across = v.cross(direction()).normalized();
     return (std::cos(angle) * v + std::sin(angle) * across).normalized();
   }
-  Eigen::Matrix3d rotation(double largest) {
-    const Eigen::Vector3d v = any() * largest;
+  Matrix3d rotation(double largest) {
+    const Vector3d v = any() * largest;
     return Eigen::AngleAxisd(v.norm(), v.stableNormalized()).toRotationMatrix();
   }
 

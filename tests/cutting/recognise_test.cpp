@@ -1,23 +1,16 @@
-#include "cutting/part/recognition.h"
-
-#include <cmath>
-#include <iostream>
-#include <numbers>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
-
+#include "cutting/part/design_points.h"
+#include "cutting/part/mesh_file.h"
 #include "cutting/part/primitive.h"
+#include "cutting/part/recognition.h"
 #include "cutting/part/remeshing.h"
-#include "kinematics/units.h"
+#include "tests/cutting/filleted_bodies.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 namespace {
 
-using Eigen::Index;
-using Eigen::Vector3d;
-using std::numbers::pi;
+using Sampled = std::function<Vector3d(double, double)>;
+using Corners = std::vector<Vector3d>;
 
 /// Somewhere in the machine, every axis at work.
 Eigen::Isometry3d away() {
@@ -68,9 +61,9 @@ Design of_rows(const std::vector<std::vector<Vector3d>>& rows, bool closed) {
 }
 
 /// Rings (r, z) of 60 vertices about z, as an STL has them.
-Design of_rings(const std::vector<Eigen::Vector2d>& rings) {
+Design of_rings(const std::vector<Vector2d>& rings) {
   std::vector<std::vector<Vector3d>> rows;
-  for (const Eigen::Vector2d& ring : rings) {
+  for (const Vector2d& ring : rings) {
     rows.emplace_back();
     for (int k = 0; k < 60; ++k) {
       const double angle = 2.0 * pi * k / 60.0;
@@ -81,11 +74,11 @@ Design of_rings(const std::vector<Eigen::Vector2d>& rings) {
 }
 
 /// Lines along y at (x, z).
-Design of_lines(const std::vector<Eigen::Vector2d>& lines) {
+Design of_lines(const std::vector<Vector2d>& lines) {
   std::vector<std::vector<Vector3d>> rows;
   for (int i = 0; i < 12; ++i) {
     rows.emplace_back();
-    for (const Eigen::Vector2d& line : lines) rows.back().push_back({line[0], 3.0 * i, line[1]});
+    for (const Vector2d& line : lines) rows.back().push_back({line[0], 3.0 * i, line[1]});
   }
   return of_rows(rows, false);
 }
@@ -117,7 +110,7 @@ TEST(Recognised, NoSurfaceByVerticesThatLieOnItWhateverTheyAre) {
 }
 
 /// Rings about z, the last of which is closed by a flat fanned from its first vertex.
-Design of_capped_rings(const std::vector<Eigen::Vector2d>& rings) {
+Design of_capped_rings(const std::vector<Vector2d>& rings) {
   Design mesh = of_rings(rings);
   const Index walls = mesh.triangles.rows();
   const int first = int(mesh.vertices.rows()) - 60;
@@ -133,7 +126,7 @@ TEST(Recognised, AFlatTopIsAPlaneAndNoPartOfASphereOrCone) {
     EXPECT_EQ(forms_of(of_capped_rings({{20, 0}, {10, 10 * std::tan(degrees * pi / 180.0)}})),
               "planecone")
         << degrees;
-  std::vector<Eigen::Vector2d> dome;  // R 30
+  std::vector<Vector2d> dome;  // R 30
   for (const double degrees : {40.0, 30.0, 20.0, 12.0})
     dome.push_back({30.0 * std::sin(degrees * pi / 180.0), 30.0 * std::cos(degrees * pi / 180.0)});
   EXPECT_EQ(forms_of(of_rings(dome)), "sphere");
@@ -222,6 +215,391 @@ TEST(Recognised, FacesOfABodyEachForItself) {
   EXPECT_EQ(found.patches[0].form, Form::Plane);
   EXPECT_EQ(found.patches[1].form, Form::Cylinder);
   EXPECT_NEAR(found.patches[1].shape[0], 8.0, 1e-5);
+}
+
+/// A surface over the unit square.
+struct SampledPatch {
+  std::string name;
+  Sampled at;
+  int n, m;
+  double noise = 0.0;  ///< mm, of each coordinate
+};
+
+Design mesh_of(const SampledPatch& patch, unsigned seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> unit;
+  filleted::Body body;
+  for (int i = 0; i <= patch.n; ++i)
+    for (int j = 0; j <= patch.m; ++j) {
+      Vector3d p = patch.at(double(i) / patch.n, double(j) / patch.m);
+      for (double& x : p) x += patch.noise * unit(random);
+      body.points.push_back(p);
+      if (i == patch.n || j == patch.m) continue;
+      const int a = i * (patch.m + 1) + j, b = a + patch.m + 1;
+      body.triangles.push_back({a, b, b + 1});
+      body.triangles.push_back({a, b + 1, a + 1});
+    }
+  return filleted::as_stl(body, filleted::any_pose(seed, 100.0));
+}
+
+/// How far what is recognised lies from the surface that was sampled, at the middles of facets.
+struct Missed {
+  std::size_t faces = 0;
+  double distance = 0.0;  // mm
+};
+Missed missed(const SampledPatch& patch, unsigned seed, double tolerance) {
+  const Design mesh = mesh_of(patch, seed);
+  const Eigen::Isometry3d T = filleted::any_pose(seed, 100.0);
+  const Recognised found = recognised(split_at_edges(mesh, pi / 6), tolerance);
+  Missed worst{found.patches.size()};
+  for (Index t = 0; t < mesh.triangles.rows() && worst.faces > 0; ++t) {
+    const int face = found.design.face[std::size_t(found.design.triangles(t, 0))];
+    if (face < 0) continue;
+    Vector2d middle(0.0, 0.0);
+    for (const int v : mesh.triangles.row(t))
+      middle +=
+          Vector2d(double(v / (patch.m + 1)) / patch.n, double(v % (patch.m + 1)) / patch.m) / 3.0;
+    const Vector3d p = T * patch.at(middle.x(), middle.y());
+    worst.distance =
+        std::max(worst.distance, std::abs(distance_of(found.patches[std::size_t(face)], p)));
+  }
+  return worst;
+}
+
+Sampled ellipsoid_off(double d) {
+  return [d](double u, double v) {
+    const double a = 0.3 + 0.9 * u, b = 1.5 * v;
+    return Vector3d(30.0 * std::sin(a) * std::cos(b), (30.0 + d) * std::sin(a) * std::sin(b),
+                    (30.0 - d) * std::cos(a));
+  };
+}
+
+Sampled bent_cylinder(double sag) {
+  return [sag](double u, double v) {
+    const double y = 2.0 * u - 1.0, a = 2.0 * v - 1.0;
+    return Vector3d(30.0 * std::sin(a), 50.0 * y, 30.0 * std::cos(a) + sag * (1.0 - y * y));
+  };
+}
+
+Sampled widening_torus(double d) {
+  return [d](double u, double v) {
+    const double w = 1.5 * u, q = 6.0 + d * w, r = 40.0 + q * std::cos(3.0 * v);
+    return Vector3d(r * std::cos(w), r * std::sin(w), q * std::sin(3.0 * v));
+  };
+}
+
+/// A tube of 60 mm along a circle of radius R.
+Sampled bent_tube(double R) {
+  return [R](double u, double v) {
+    const double w = 60.0 * (u - 0.5) / R, r = 6.0 * std::cos(3.0 * v);
+    return Vector3d((R + r) * std::cos(w) - R, (R + r) * std::sin(w), 6.0 * std::sin(3.0 * v));
+  };
+}
+
+TEST(FalseFaces, WhatIsNearlyASurfaceIsNoneOfItsStrips) {
+  constexpr double tolerance = 0.1 * units::um;
+  std::vector<SampledPatch> all;
+  for (const int n : {6, 10, 16, 40}) {
+    for (const double um : {1.0, 5.0, 50.0, 1000.0})
+      all.push_back({"ellipsoid", ellipsoid_off(um * units::um), n, n});
+    for (const double um : {3.0, 20.0, 500.0}) {
+      all.push_back({"bent cylinder", bent_cylinder(um * units::um), n, n});
+      all.push_back({"bent cylinder, four strips", bent_cylinder(um * units::um), 4, n});
+    }
+    for (const double um : {1.0, 10.0, 100.0, 1000.0})
+      all.push_back({"widening torus", widening_torus(um * units::um), n, n});
+    for (const double R : {100.0, 1e3, 1e4, 1e5}) all.push_back({"bent tube", bent_tube(R), n, 24});
+  }
+  unsigned seed = 101;
+  double worst = 0.0;
+  for (const SampledPatch& one : all) {
+    const Missed off = missed(one, seed, tolerance);
+    EXPECT_LT(off.distance, tolerance) << one.name << ", " << one.n << " by " << one.m << ", seed "
+                                       << seed << ": " << off.faces << " faces";
+    worst = std::max(worst, off.distance);
+    ++seed;
+  }
+  std::cout << all.size() << " bodies, at most " << worst / units::um << " um off\n";
+}
+
+TEST(FalseFaces, NoiseMakesNone) {
+  const Sampled cylinder = [](double u, double v) {
+    return Vector3d(30.0 * std::sin(1.8 * v), 55.0 * u, 30.0 * std::cos(1.8 * v));
+  };
+  const Sampled flat = [](double u, double v) { return Vector3d(11.0 * u, 11.0 * v, 0.0); };
+  for (unsigned seed = 17; seed < 21; ++seed)
+    for (const double noise : {0.5, 1.0, 2.0, 5.0})
+      for (const double tolerance : {0.1, 1.0}) {
+        if (noise < 5.0 * tolerance && tolerance > 0.1) continue;
+        for (const SampledPatch& one :
+             {SampledPatch{"cylinder", cylinder, 110, 110, noise * units::um},
+              SampledPatch{"plane", flat, 110, 110, noise * units::um}})
+          EXPECT_EQ(missed(one, seed, tolerance * units::um).faces, 0u)
+              << one.name << ", noise of " << noise << " um, within " << tolerance << " um, seed "
+              << seed;
+      }
+}
+
+TEST(FalseFaces, FacetsOfAFewTolerancesMakeNoPlanes) {
+  for (const double sides : {3.0, 8.0, 12.0}) {  // tolerances
+    constexpr double tolerance = 5.0 * units::um;
+    const double d = 100.0 * sides * tolerance;
+    const Sampled wave = [d](double u, double v) {
+      return Vector3d(d * u, d * v, 0.05 * d * std::sin(2.0 * pi * u) * std::cos(2.0 * pi * v));
+    };
+    EXPECT_EQ(missed({"wave", wave, 100, 100}, 7, tolerance).faces, 0u) << sides;
+  }
+}
+
+double larger_curvature(const AnalyticPatch& face) {
+  if (face.form == Form::Plane) return 0.0;
+  if (face.form == Form::Torus)
+    return std::max(1.0 / face.shape[1], 1.0 / std::abs(face.shape[0] - face.shape[1]));
+  return 1.0 / face.shape[0];
+}
+
+TEST(FalseFaces, EveryFacetOfAFaceLiesOnIt) {
+  constexpr double tolerance = 0.1 * units::um;
+  unsigned seed = 71;
+  double worst = 0.0;
+  for (const double degrees : {1.0, 2.0, 5.0, 15.0, 22.5})
+    for (const filleted::Body& body : {filleted::pocket(25.0, 18.0, 6.0, 2.0, 9.0, degrees),
+                                       filleted::boss(8.0, 12.0, 1.5, 20.0, degrees)}) {
+      const Design mesh = filleted::as_stl(body, filleted::any_pose(seed, 200.0));
+      const Recognised found = recognised(split_at_edges(mesh, pi / 6), tolerance);
+      EXPECT_EQ(found.patches.size(), body.name == "boss" ? 5u : 17u)
+          << body.name << ", " << degrees << " degrees, seed " << seed;
+      for (Index t = 0; t < mesh.triangles.rows() && !found.patches.empty(); ++t) {
+        const int number = found.design.face[std::size_t(found.design.triangles(t, 0))];
+        if (number < 0) continue;
+        const AnalyticPatch& face = found.patches[std::size_t(number)];
+        Vector3d middle = Vector3d::Zero();
+        double longest = 0.0;
+        for (int k = 0; k < 3; ++k) {
+          const Vector3d p = mesh.vertices.row(mesh.triangles(t, k));
+          const Vector3d next = mesh.vertices.row(mesh.triangles(t, (k + 1) % 3));
+          middle += p / 3.0;
+          longest = std::max(longest, (next - p).norm());
+          ASSERT_LE(std::abs(distance_of(face, p)), tolerance);
+        }
+        const double bound = tolerance + larger_curvature(face) * longest * longest / 6.0;
+        worst = std::max(worst, std::abs(distance_of(face, middle)) / bound);
+        // the body is that far off its facet, too: none is of a face that it is not on
+        const Vector3d p = filleted::any_pose(seed, 200.0).inverse() * middle;
+        ASSERT_NEAR(std::abs(body.truth(p).distance), std::abs(distance_of(face, middle)),
+                    2.0 * tolerance)
+            << body.name << ", " << degrees << " degrees, seed " << seed;
+      }
+      ++seed;
+    }
+  std::cout << "middles of facets at most " << worst << " of the bound\n";
+  EXPECT_LT(worst, 1.0);
+}
+
+Design with_all(Points vertices, Triangles triangles) {
+  Design design;
+  design.vertices = std::move(vertices);
+  design.triangles = std::move(triangles);
+  design.normals = vertex_normals(design.vertices, design.triangles);
+  design.area = vertex_area(design.vertices, design.triangles);
+  design.facet_error = facet_error(design.vertices, design.normals, design.triangles);
+  design.judged.assign(std::size_t(design.vertices.rows()), 1);
+  return design;
+}
+
+Design cube() {
+  Points v(8, 3);
+  v << 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1;
+  Triangles t(12, 3);
+  t << 0, 2, 1, 0, 3, 2, 4, 5, 6, 4, 6, 7, 0, 1, 5, 0, 5, 4, 1, 2, 6, 1, 6, 5, 2, 3, 7, 2, 7, 6, 3,
+      0, 4, 3, 4, 7;
+  return with_all(v, t);
+}
+
+TEST(SmoothPatches, ACubeHasSixFacesWithTheirOwnNormals) {
+  const Design split = split_at_edges(cube(), pi / 6);
+  EXPECT_EQ(split.vertices.rows(), 24);
+  EXPECT_NEAR(split.area.sum(), 6.0, 1e-14);
+  const std::vector<int> patch = patches(split);
+  EXPECT_EQ(std::set(patch.begin(), patch.end()).size(), 6u);
+  for (Index i = 0; i < 24; ++i)
+    EXPECT_NEAR(split.normals.row(i).cwiseAbs().maxCoeff(), 1.0, 1e-14);
+  for (const auto& t : split.triangles.rowwise()) {
+    const Vector3d a = split.vertices.row(t[0]), b = split.vertices.row(t[1]),
+                   c = split.vertices.row(t[2]);
+    const Vector3d face = (b - a).cross(c - a).normalized();
+    for (const int v : t) EXPECT_NEAR(face.dot(split.normals.row(v)), 1.0, 1e-14);
+  }
+}
+
+TEST(SmoothPatches, ASmoothBodyStaysAsItIs) {
+  const Design cap = tessellate(SphereCap{20.0, 15.0}, {500});
+  const Design split = split_at_edges(cap, pi / 6);
+  EXPECT_EQ(split.triangles, cap.triangles);
+  EXPECT_EQ(split.normals, cap.normals);
+}
+
+TEST(SmoothPatches, TheAngleDecides) {
+  for (const auto& [angle, vertices] : {std::pair(89.0, 24), {91.0, 8}})
+    EXPECT_EQ(split_at_edges(cube(), angle * pi / 180.0).vertices.rows(), vertices);
+  EXPECT_THROW(split_at_edges(cube(), 0.0), std::invalid_argument);
+  EXPECT_THROW(split_at_edges(cube(), pi), std::invalid_argument);
+}
+
+TEST(SmoothPatches, EdgesAtTheAngleAreCounted) {
+  constexpr double right = std::numbers::pi / 2.0;
+  const Design body = cube();
+  EXPECT_EQ(count_edges_near_angle(body, right, 1e-3), 12);
+  EXPECT_EQ(count_edges_near_angle(body, right + 2e-3, 1e-3), 0);
+  EXPECT_EQ(count_edges_near_angle(body, 0.0, 1e-3), 6);  // across the squares
+}
+
+TEST(SmoothPatches, AnEdgeThatEndsWithinAFaceSplitsItsVerticesUpToItsEnd) {
+  // a roof along y over x = -1, 0, 1 that rises out of a plane: 10 degrees to either side at first,
+  // 40 at the end
+  const int rows = 7;
+  Points v(3 * rows, 3);
+  Triangles t(4 * (rows - 1), 3);
+  for (int j = 0; j < rows; ++j)
+    for (int i = 0; i < 3; ++i)
+      v.row(3 * j + i) << i - 1.0, 2.0 * j, i == 1 ? std::tan((10.0 + 5.0 * j) * pi / 180.0) : 0.0;
+  for (int j = 0; j + 1 < rows; ++j)
+    for (int i = 0; i < 2; ++i) {
+      const int a = 3 * j + i, k = 4 * j + 2 * i;
+      t.row(k) << a, a + 1, a + 3;
+      t.row(k + 1) << a + 1, a + 4, a + 3;
+    }
+  // across the ridge the normals turn by 20 to 80 degrees, elsewhere by less than 10
+  const Design split = split_at_edges(with_all(v, t), 50.0 * pi / 180.0);
+  EXPECT_GT(split.vertices.rows(), 3 * rows);
+  EXPECT_LT(split.vertices.rows(), 4 * rows);
+  const std::vector<int> patch = patches(split);
+  EXPECT_EQ(*std::max_element(patch.begin(), patch.end()), 0) << "it is one face still";
+}
+
+TEST(SmoothPatches, TheMarginAtSharpEdgesIsLeftOut) {
+  Design fine = cube();
+  fine.vertices *= 10.0;
+  fine = with_all(fine.vertices, fine.triangles);
+  const Design split = split_at_edges(fine, pi / 6);
+  const Design off = exclude_near_edges(split, sharp_edges(split), 0.5);
+  EXPECT_EQ(std::count(off.judged.begin(), off.judged.end(), 1), 0) << "all stand on edges";
+  EXPECT_EQ(exclude_near_edges(fine, sharp_edges(fine), 0.5).judged, fine.judged)
+      << "without split edges none is sharp";
+  EXPECT_EQ(exclude_near_edges(split, sharp_edges(split), 0.0).judged, split.judged);
+  EXPECT_THROW(exclude_near_edges(split, sharp_edges(split), -1.0), std::invalid_argument);
+  EXPECT_THROW(exclude_near_edges(split, sharp_edges(split), std::nan("")), std::invalid_argument);
+}
+
+TEST(NearestPoint, GivesBackThePointFromWhichItWasMoved) {
+  const RevolvedProfile profile{{{{0.0, 0.0}, {10.0, -2.0}, 40.0},
+                                 {{10.0, -2.0}, {14.0, -2.0}, 0.0},
+                                 {{14.0, -2.0}, {18.0, -4.0}, -6.0}}};
+  const Primitive all[] = {RectanglePlane{30.0, 20.0},
+                           Disc{10.0, 3.0},
+                           Cylinder{8.0, 12.0},
+                           Cone{12.0, 15.0, 0.3},
+                           SphereCap{100.0, 50.0},
+                           Torus{30.0, 5.0},
+                           profile};
+  for (const Primitive& primitive : all) {
+    const Design design = tessellate(primitive, {2000});
+    double worst = 0.0, turned = 0.0;
+    for (Index i = 0; i < design.vertices.rows(); ++i) {
+      const Vector3d p = design.vertices.row(i), n = design.normals.row(i);
+      for (const double off : {0.0, 1e-9, -1e-3, 0.02}) {
+        const Contact at = nearest(primitive, p + off * n, n);
+        worst = std::max(worst, (at.point - p).norm());
+        turned = std::max(turned, (at.normal - n).norm());
+      }
+    }
+    EXPECT_LT(worst, 2e-13 * 100.0) << primitive.index();
+    EXPECT_LT(turned, 1e-12) << primitive.index();
+  }
+}
+
+TEST(NearestPoint, ASmoothFacetOfASphereLiesOnIt) {
+  constexpr double R = 30.0, L = 0.5;
+  for (const double phi : {0.1, 0.7, 1.4}) {
+    std::array<Contact, 3> corners;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double a = phi + 2.0 * pi * double(i) / 3.0, s = L / std::sqrt(3.0) / R;
+      const Vector3d n = Vector3d(s * std::cos(a), s * std::sin(a), 1.0).normalized();
+      corners[i] = {R * n, n};
+    }
+    for (const std::array<double, 3>& weights :
+         {std::array{1.0 / 3, 1.0 / 3, 1.0 / 3}, {0.5, 0.5, 0.0}, {0.2, 0.7, 0.1}}) {
+      const double flat = R - facet_point(corners, weights).point.norm();
+      const double smooth = R - smooth_facet_point(corners, weights).point.norm();
+      EXPECT_GT(flat, 3e-4);
+      EXPECT_LT(std::abs(smooth), std::pow(L, 4) / (20.0 * R * R * R));
+    }
+  }
+}
+
+TEST(NearestPoint, AtAKinkTakesThePieceThatTheNormalMeans) {
+  const RevolvedProfile corner{{{{0.0, 0.0}, {5.0, 0.0}, 0.0}, {{5.0, 0.0}, {5.0, -5.0}, 0.0}}};
+  const Contact top = nearest(corner, {5.0, 0.0, 0.01}, Vector3d::UnitZ());
+  const Contact wall = nearest(corner, {5.01, 0.0, 0.0}, Vector3d::UnitX());
+  EXPECT_NEAR(top.normal.z(), 1.0, 1e-15);
+  EXPECT_NEAR(wall.normal.x(), 1.0, 1e-15);
+}
+
+double area(const Corners& corners, const std::vector<std::array<int, 3>>& triangles,
+            const Vector3d& normal) {
+  double sum = 0.0;
+  for (const auto& [a, b, c] : triangles) {
+    const auto at = [&](int i) { return corners[std::size_t(i)]; };
+    const double one = 0.5 * (at(b) - at(a)).cross(at(c) - at(a)).dot(normal);
+    EXPECT_GT(one, 0.0) << "every triangle is turned as the polygon is";
+    sum += one;
+  }
+  return sum;
+}
+
+TEST(Polygon, AQuadrilateralIsSplitAlongItsShorterDiagonal) {
+  const Corners kite = {{0, 0, 0}, {3, -1, 0}, {8, 0, 0}, {3, 1, 0}};
+  const auto triangles = triangulate(kite);
+  ASSERT_EQ(triangles.size(), 2u);
+  for (const auto& t : triangles) {
+    EXPECT_TRUE(std::count(t.begin(), t.end(), 1) == 1 && std::count(t.begin(), t.end(), 3) == 1);
+  }
+  EXPECT_NEAR(area(kite, triangles, Vector3d::UnitZ()), 8.0, 1e-12);
+}
+
+TEST(Polygon, AHollowCornerKeepsTheDiagonalInside) {
+  const Corners dart = {{0, 0, 0}, {4, 1, 0}, {0, 2, 0}, {1, 1, 0}};
+  const auto triangles = triangulate(dart);
+  ASSERT_EQ(triangles.size(), 2u);
+  EXPECT_NEAR(area(dart, triangles, Vector3d::UnitZ()), 3.0, 1e-12);
+}
+
+TEST(Polygon, RandomStarsAreFilledExactly) {
+  SeededRandom random(7);
+  std::uniform_real_distribution<double> radius(1.0, 4.0), angle(-3.0, 3.0);
+  std::uniform_int_distribution<int> size(3, 40);
+  for (int i = 0; i < 300; ++i) {
+    const int n = size(random);
+    const Matrix3d turn = (Eigen::AngleAxisd(angle(random), Vector3d::UnitX()) *
+                           Eigen::AngleAxisd(angle(random), Vector3d::UnitY()))
+                              .toRotationMatrix();
+    Corners star;
+    for (int k = 0; k < n; ++k) {
+      const double phi = 2 * std::numbers::pi * k / n, r = radius(random);
+      star.push_back(turn * Vector3d(r * std::cos(phi), r * std::sin(phi), 0));
+    }
+    double expected = 0.0;
+    for (int k = 0; k < n; ++k)
+      expected += 0.5 * star[std::size_t(k)].cross(star[std::size_t((k + 1) % n)]).dot(turn.col(2));
+    const auto triangles = triangulate(star);
+    ASSERT_EQ(int(triangles.size()), n - 2);
+    EXPECT_NEAR(area(star, triangles, turn.col(2)), expected, 1e-10);
+  }
+}
+
+TEST(Polygon, AnOutlineThatCrossesItselfIsRefused) {
+  EXPECT_TRUE(triangulate({{0, 0, 0}, {10, 10, 0}, {10, 0, 0}, {0, 10, 0}}).empty());
+  EXPECT_TRUE(triangulate({{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}}).empty());
 }
 
 }  // namespace

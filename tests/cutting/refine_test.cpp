@@ -1,26 +1,16 @@
-#include "cutting/map/refinement.h"
-
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-#include <numbers>
-
-#include <gtest/gtest.h>
 #include <tbb/global_control.h>
-
 #include "cutting/map/interpolation.h"
+#include "cutting/map/refinement.h"
 #include "cutting/part/primitive.h"
 #include "cutting/part/remeshing.h"
 #include "cutting/surface/surface.h"
 #include "kinematics/hash.h"
 #include "tests/cutting/milled_parts.h"
 #include "tests/cutting/turned_parts.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 namespace {
-
-using Eigen::Index;
-using Eigen::Vector3d;
 
 constexpr double micron = 1e-3;
 

@@ -1,28 +1,13 @@
-#include <algorithm>
-#include <cmath>
-#include <cstdlib>
-#include <iostream>
-#include <limits>
-#include <random>
-#include <stdexcept>
-#include <string>
-#include <utility>
-#include <vector>
-
-#include <gtest/gtest.h>
 #include <tbb/global_control.h>
-
 #include "cutting/surface/surface.h"
 #include "tests/cutting/milled_parts.h"
 #include "tests/cutting/turned_parts.h"
-#include "tests/kinematics/nan.h"
+#include "tests/test.h"
 
 // The reference for what rivals foretell is the exact surface of the displaced motion, which has
 // oracles of its own; closed forms for a ball and a nose on planes.
 namespace abbe::cutting {
 namespace {
-
-using Eigen::Vector3d;
 
 constexpr double um = 1e-3;
 
@@ -56,9 +41,9 @@ Vector3d at_rival(const NoseMotion& motion, const CompetingPass& competing_pass,
 }
 
 template <class Motion>
-Eigen::VectorXd predicted(const std::vector<CompetingPass>& competing_passes, const Motion& motion,
-                          const Vector3d& d, Eigen::Index vertices) {
-  Eigen::VectorXd s = Eigen::VectorXd::Constant(vertices, std::numeric_limits<double>::infinity());
+VectorXd predicted(const std::vector<CompetingPass>& competing_passes, const Motion& motion,
+                   const Vector3d& d, Index vertices) {
+  VectorXd s = VectorXd::Constant(vertices, std::numeric_limits<double>::infinity());
   for (const CompetingPass& competing_pass : competing_passes)
     s[competing_pass.vertex] = std::min(
         s[competing_pass.vertex], predicted(competing_pass, at_rival(motion, competing_pass, d)));
@@ -100,8 +85,8 @@ double largest_miss(const Design& design, const Tool& tool, const Motion& motion
         Vector3d(normal(random), normal(random), normal(random)).normalized();
     const Vector3d d = study.size * direction;
     const Surface cut = surface_of(design, tool, displaced(motion, d));
-    const Eigen::VectorXd s = predicted(competing_passes, motion, d, design.vertices.rows());
-    for (Eigen::Index v = 0; v < s.size(); ++v) {
+    const VectorXd s = predicted(competing_passes, motion, d, design.vertices.rows());
+    for (Index v = 0; v < s.size(); ++v) {
       EXPECT_EQ(cut.status[std::size_t(v)], VertexStatus::Cut) << "vertex " << v;
       largest = std::max(largest, std::abs(s[v] - cut.residual[v]));
     }
@@ -476,7 +461,7 @@ TEST(TurnedRivals, OfAFaceAreTheRevolutionsAside) {
   const std::vector<MeridianVertex> vertices{
       {0, 3.0, 0.0, 1, 0}, {0, 3.0037, 1.3, 1, 0}, {0, 1.51, -2.0, 1, 0}, {0, 5.5, 3.1, 1, 0}};
   const Design design = design_of(vertices);
-  const Eigen::Matrix3d R_wl = lathe_in_workpiece().linear();
+  const Matrix3d R_wl = lathe_in_workpiece().linear();
   for (const int samples : {1, 24}) {
     const NoseMotion motion = motion_of(path_of({.feed = feed, .samples = samples}));
     const std::vector<CompetingPass> competing_passes = turned_competing_passes(

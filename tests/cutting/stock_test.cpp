@@ -1,39 +1,19 @@
 #include "cutting/stock/stock.h"
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstdlib>
-#include <functional>
-#include <iostream>
-#include <limits>
-#include <map>
-#include <numbers>
-#include <random>
-#include <stdexcept>
-#include <string>
-#include <utility>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "tests/cutting/stock_parts.h"
-#include "tests/kinematics/nan.h"
 #include "tests/oracles/voxel_stock.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 namespace {
 
 using Eigen::Isometry3d;
-using Eigen::Vector3d;
-using std::numbers::pi;
 
 StockMove straight(const Vector3d& from, const Vector3d& to, int line = 1, bool rapid = false) {
   return {pose(from), pose(to), line, rapid};
 }
 
 /// A box of twelve triangles, turned by R about the origin.
-MeshBlank meshed_box(const Vector3d& half, const Eigen::Matrix3d& R = Eigen::Matrix3d::Identity()) {
+MeshBlank meshed_box(const Vector3d& half, const Matrix3d& R = Matrix3d::Identity()) {
   MeshBlank mesh;
   mesh.vertices_k.resize(8, 3);
   for (int i = 0; i < 8; ++i) {
@@ -48,7 +28,7 @@ MeshBlank meshed_box(const Vector3d& half, const Eigen::Matrix3d& R = Eigen::Mat
 
 double mesh_volume(const StockMesh& mesh) {
   double six = 0.0;
-  for (Eigen::Index t = 0; t < mesh.triangles.rows(); ++t) {
+  for (Index t = 0; t < mesh.triangles.rows(); ++t) {
     const Vector3d a = mesh.vertices_w.row(mesh.triangles(t, 0));
     const Vector3d b = mesh.vertices_w.row(mesh.triangles(t, 1));
     const Vector3d c = mesh.vertices_w.row(mesh.triangles(t, 2));
@@ -59,7 +39,7 @@ double mesh_volume(const StockMesh& mesh) {
 
 bool is_closed(const StockMesh& mesh) {
   std::map<std::pair<int, int>, int> sides;
-  for (Eigen::Index t = 0; t < mesh.triangles.rows(); ++t)
+  for (Index t = 0; t < mesh.triangles.rows(); ++t)
     for (int k = 0; k < 3; ++k) {
       const int a = mesh.triangles(t, k), b = mesh.triangles(t, (k + 1) % 3);
       ++sides[{a, b}];
@@ -201,7 +181,7 @@ Convergence convergence(const std::string& name, const Cutter& cutter, double de
     for (int i = 0; i < runs; ++i) {
       // only what lies between x = +-10 is counted, so the ends of the cut lie outside the body
       const Vector3d half(10 + 0.3 * h * unit(random), 11 + 0.3 * h * unit(random), 8);
-      Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+      Matrix3d R = Matrix3d::Identity();
       if (!aligned)
         R = Eigen::Quaterniond(1, 0.3 * unit(random), 0.3 * unit(random), 0.3 * unit(random))
                 .normalized()
@@ -391,14 +371,12 @@ TEST(Stock, BadInputIsRefusedByName) {
   EXPECT_THROW(
       remove(stock, cutter, {pose({0, 0, 0}), pose({0, 0, 0}, -Vector3d::UnitZ()), 1, false}),
       std::invalid_argument);
-  try {
+  const std::string said = thrown_text<std::invalid_argument>([&] {
     const Vector3d tilted(0, 0.6, 0.8);
     remove(stock, cutter, {pose({0, 0, 1e18}), pose({1e18, 0, 0}, tilted), 1, false});
-    FAIL() << "more parts than an int can count";
-  } catch (const std::invalid_argument& refusal) {
-    std::cout << refusal.what() << "\n";
-    EXPECT_NE(std::string(refusal.what()).find("straight segments"), std::string::npos);
-  }
+  });
+  std::cout << said << "\n";
+  EXPECT_HAS(said, "straight segments");
   EXPECT_EQ(depth(stock, {nan, 0, 0}), -std::numeric_limits<double>::infinity());
   EXPECT_THROW(box({0, 0, 0}, {5, 0, 5}, 0.5), std::invalid_argument);
   EXPECT_THROW(box({0, 0, 0}, {5, nan, 5}, 0.5), std::invalid_argument);
@@ -407,13 +385,11 @@ TEST(Stock, BadInputIsRefusedByName) {
 }
 
 TEST(Stock, MemoryIsRefusedWithAnEstimateBeforeItIsTaken) {
-  try {
+  const std::string said = thrown_text<std::length_error>([&] {
     box({0, 0, 0}, {1000, 1000, 1000}, 0.01);
-    FAIL() << "30 billion dexels were taken";
-  } catch (const std::length_error& refusal) {
-    std::cout << refusal.what() << "\n";
-    EXPECT_NE(std::string(refusal.what()).find("MiB"), std::string::npos);
-  }
+  });
+  std::cout << said << "\n";
+  EXPECT_HAS(said, "MiB");
   EXPECT_THROW(box({0, 0, 0}, {1e300, 1, 1}, 1e-300), std::length_error);
 }
 
@@ -434,16 +410,13 @@ TEST(Stock, ACopyKeepsItsState) {
 // ---- depth --------------------------------------------------------------------------------------
 
 TEST(Stock, DepthIsExactOnPlanesHoweverTheyLie) {
-  const unsigned seed = 20240713;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20240713);
   std::uniform_real_distribution<double> unit(-1, 1);
   double worst = 0.0;
   for (int i = 0; i < 40; ++i) {
-    const Eigen::Matrix3d R =
-        Eigen::Quaterniond(unit(random), unit(random), unit(random), unit(random))
-            .normalized()
-            .toRotationMatrix();
+    const Matrix3d R = Eigen::Quaterniond(unit(random), unit(random), unit(random), unit(random))
+                           .normalized()
+                           .toRotationMatrix();
     const Stock stock = make_stock(meshed_box({9, 9, 9}, R), Isometry3d::Identity(), {0.5, true});
     for (int k = 0; k < 100; ++k) {
       const Vector3d on_face = R * Vector3d(6 * unit(random), 6 * unit(random), 9);
@@ -476,9 +449,7 @@ TEST(Stock, DepthOnCurvedSkinConvergesAtSecondOrder) {
 }
 
 TEST(Stock, DepthIsContinuous) {
-  const unsigned seed = 20240714;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20240714);
   std::uniform_real_distribution<double> unit(-1, 1);
   for (const bool three : {true, false}) {
     Stock stock = box({-10, -10, -10}, {10, 10, 10}, 0.5, three);
@@ -508,7 +479,7 @@ TEST(Stock, TheMeshIsClosedAndItsVolumeConverges) {
       const StockMesh mesh = stock_mesh(stock);
       EXPECT_TRUE(is_closed(mesh));
       EXPECT_TRUE(mesh.vertices_w.allFinite());
-      EXPECT_EQ(Eigen::Index(mesh.line.size()), mesh.vertices_w.rows());
+      EXPECT_EQ(Index(mesh.line.size()), mesh.vertices_w.rows());
       for (const int line : {0, 3, 4})
         EXPECT_GT(std::count(mesh.line.begin(), mesh.line.end(), line), 10) << line;
       off.push_back(std::abs(mesh_volume(mesh) - volume(stock)));
@@ -527,7 +498,7 @@ TEST(Stock, MeshVerticesLieOnFlatSkin) {
   remove(stock, {6.0, 0.0, 30.0}, straight({-10, 10, 7.3}, {30, 10, 7.3}, 3));
   const StockMesh mesh = stock_mesh(stock);
   int floor = 0;
-  for (Eigen::Index i = 0; i < mesh.vertices_w.rows(); ++i) {
+  for (Index i = 0; i < mesh.vertices_w.rows(); ++i) {
     const Vector3d p = mesh.vertices_w.row(i);
     if (mesh.line[std::size_t(i)] != 3 || std::abs(p.y() - 10) > 5 || p.x() < 1 || p.x() > 19)
       continue;
@@ -543,7 +514,7 @@ TEST(Blank, BoxMeshAndCylinderHoldTheirVolume) {
   EXPECT_NEAR(volume(box({-1, 2, 3}, {9, 7, 6}, 0.5)), 150.0, 1e-9);
   const Stock mesh = make_stock(meshed_box({5, 2.5, 1.5}), Isometry3d::Identity(), {0.5, true});
   EXPECT_NEAR(volume(mesh), 150.0, 1e-9);
-  const Eigen::Matrix3d R = Eigen::Quaterniond(1, 0.2, -0.3, 0.4).normalized().toRotationMatrix();
+  const Matrix3d R = Eigen::Quaterniond(1, 0.2, -0.3, 0.4).normalized().toRotationMatrix();
   const Stock turned =
       make_stock(meshed_box({5, 2.5, 1.5}, R), Isometry3d::Identity(), {0.1, true});
   EXPECT_NEAR(volume(turned), 150.0, 0.15);

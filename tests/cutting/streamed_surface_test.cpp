@@ -1,21 +1,11 @@
-#include "cutting/surface/machined_surface.h"
-
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
 #include <tbb/global_control.h>
-
+#include "cutting/surface/machined_surface.h"
 #include "tests/cutting/milled_parts.h"
 #include "tests/cutting/random.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 namespace {
-
-using Eigen::Index;
-using Eigen::Vector3d;
 
 CutterMotion stretch_of(const CutterMotion& motion, Index first, Index last) {
   const Index n = last - first + 1;
@@ -196,12 +186,8 @@ TEST(StreamedSurface, RefusesBlocksThatDoNotFollowEachOther) {
       motion_of({{Vector3d(0, 0, 0)}, {Vector3d(9, 0, 0)}, {Vector3d(9, 9, 0)}});
   const Design design = design_of({{Vector3d(0, 0, 0)}});
   const auto refused = [&](const std::vector<CutterMotion>& blocks) -> std::string {
-    try {
-      streamed_surface(design, ball_mill, given(blocks));
-    } catch (const std::invalid_argument& fault) {
-      return fault.what();
-    }
-    return "";
+    return thrown_text<std::invalid_argument>(
+        [&] { streamed_surface(design, ball_mill, given(blocks)); });
   };
   EXPECT_EQ(refused({stretch_of(motion, 0, 1), stretch_of(motion, 1, 2)}), "");
   EXPECT_EQ(refused({stretch_of(motion, 0, 1), stretch_of(motion, 2, 2)}),

@@ -1,24 +1,14 @@
 #include "cutting/surface/sweep_bounds.h"
-#include "tests/cutting/any_form.h"
-
-#include <array>
-#include <cmath>
-#include <iostream>
-#include <mutex>
-#include <numbers>
-#include <random>
-
-#include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
-#include <Eigen/Geometry>
+#include <mutex>
+#include "tests/cutting/any_form.h"
+#include "tests/test.h"
 
 // Bounds under attack: a search for the cutter, move and ray at which a bound errs most. It starts
 // at random and climbs, so that it comes where no sample would.
 namespace abbe::cutting {
 namespace {
 
-using Eigen::Vector3d;
-using std::numbers::pi;
 using Real = long double;
 using Vector = Eigen::Matrix<Real, 3, 1>;
 
@@ -48,7 +38,7 @@ struct Situation {
 
 Move move_between(const Vector3d& tip, const Vector3d& axis, const Vector3d& step, double turn,
                   double around) {
-  CutterMotion motion{Points(2, 3), Points(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
+  CutterMotion motion{Points(2, 3), Points(2, 3), Vector2d(0, 1), {1, 1}};
   motion.tip.row(0) = tip;
   motion.tip.row(1) = tip + step;
   motion.axis.row(0) = axis;
@@ -280,7 +270,7 @@ TEST(SweepBounds, OfRaysBesideEachOtherLeaveOpenWhatOneOfThemMeets) {
     const double lean = random.decades(-6, -0.2);
     const Vector3d normal = random.turned_evenly(middle, lean);
     const double before = R * random.decades(-3, 1), after = R * random.decades(-6, 1);
-    Eigen::Matrix3d axes;
+    Matrix3d axes;
     axes.col(2) = middle;
     axes.col(0) = middle.unitOrthogonal();
     axes.col(1) = middle.cross(axes.col(0));

@@ -1,24 +1,15 @@
-#include <chrono>
-#include <cmath>
-#include <functional>
-#include <iostream>
-#include <limits>
-#include <random>
-
-#include <gtest/gtest.h>
 #include <tbb/global_control.h>
-
+#include <tbb/parallel_for.h>
 #include "cutting/surface/surface.h"
 #include "tests/cutting/largest_difference.h"
+#include "tests/cutting/random.h"
 #include "tests/cutting/turned_parts.h"
-#include "tests/kinematics/nan.h"
+#include "tests/oracles/brute_surface.h"
 #include "tests/oracles/closed_forms.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 namespace {
-
-using Eigen::Vector2d;
-using Eigen::Vector3d;
 
 constexpr double R = 0.249;              // mm, the diamond of the platform
 constexpr double f = 0.02;               // mm a revolution
@@ -237,7 +228,7 @@ TEST(TurnedSurface, RadialOffsetOfTheNoseLiftsASphereByItsSlope) {
       const double r = vertices[i].r;
       const double first = e * r / std::sqrt(rho * rho - r * r);
       const double exact = std::sqrt(rho * rho - (r - e) * (r - e)) - std::sqrt(rho * rho - r * r);
-      const double s = surface.residual[Eigen::Index(i)];
+      const double s = surface.residual[Index(i)];
       EXPECT_NEAR(s, first, 0.6 * e * e / rho + turned_promise) << "e " << e << " r " << r;
       EXPECT_NEAR(s, exact, 1e-8) << "e " << e << " r " << r;
       std::cout << "offset " << e << " mm at r " << r << ": " << s * 1e3 << " um, e r / sqrt "
@@ -273,7 +264,7 @@ TEST(TurnedSurface, SquarenessTurnsAFaceIntoACone) {
   print("squareness, largest difference", worst);
   EXPECT_LE(worst, 1e-9);
   for (std::size_t i = 0; i < vertices.size(); ++i) {
-    const double over = surface.residual[Eigen::Index(i)] - beta * vertices[i].r;
+    const double over = surface.residual[Index(i)] - beta * vertices[i].r;
     ASSERT_GE(over, -0.5 * beta * beta * R - 1e-12);
     ASSERT_LE(over, oracles::cusp(R, f) + beta * f);
   }
@@ -329,8 +320,8 @@ TEST(TurnedSurface, TiesGoToTheEarlierInstant) {
   // On the axis every instant of a dwell leaves the same bits.
   NoseMotion motion;
   motion.T_without_spindle.assign(41, Eigen::Isometry3d(Eigen::Translation3d(R, 0, 0)));
-  motion.spindle = Eigen::VectorXd::LinSpaced(41, 0.0, 40.0 * two_pi);
-  motion.time_s = Eigen::VectorXd::LinSpaced(41, 3.0, 43.0);
+  motion.spindle = VectorXd::LinSpaced(41, 0.0, 40.0 * two_pi);
+  motion.time_s = VectorXd::LinSpaced(41, 3.0, 43.0);
   motion.line.assign(41, 7);
   Design design;
   design.vertices = Points::Zero(1, 3);
@@ -423,6 +414,192 @@ TEST(TurnedSurface, FiveHundredRevolutionsOnTwoHundredThousandVerticesTakeSecond
   std::cout << "200000 vertices, 541 revolutions: " << took.count() << " s\n";
   EXPECT_EQ(surface.residual.size(), 200000);
   EXPECT_LT(took.count(), 20.0);  // far above what it needs, so that only a lost hierarchy fails it
+}
+
+// The reference bounds itself from below as well as from above, so it can be no nearer than its own
+// bound; where a ray only grazes the swept body or the band ends, either answer may be right.
+
+oracles::BruteTurning for_oracle(const Nose& nose, const NoseMotion& motion) {
+  oracles::BruteTurning turning{nose.radius, {}, motion.spindle_point, motion.spindle_direction};
+  for (std::size_t i = 0; i < motion.T_without_spindle.size(); ++i) {
+    const Eigen::Isometry3d& T = motion.T_without_spindle[i];
+    turning.poses.push_back(
+        {T.linear(), T.translation(), motion.spindle[Index(i)], motion.time_s[Index(i)]});
+  }
+  return turning;
+}
+
+struct Comparison {
+  double largest = 0.0;  // mm
+  double bound = 0.0;    // mm, the reference's own
+  int cut = 0;
+  int uncut = 0;
+  int disagree = 0;
+};
+
+Comparison compare(const Design& design, const Nose& nose, const NoseMotion& motion, double band) {
+  SurfaceOptions options;
+  options.band = band;
+  const Surface surface = turned_surface(design, nose, motion, options);
+  const oracles::BruteTurning turning = for_oracle(nose, motion);
+  std::vector<oracles::BruteHit> hits(std::size_t(design.vertices.rows()));
+  tbb::parallel_for(std::size_t(0), hits.size(), [&](std::size_t i) {
+    const auto k = Index(i);
+    oracles::BruteOptions brute;
+    brute.band = band;
+    hits[i] =
+        oracles::brute_turned({design.vertices.row(k), design.normals.row(k)}, turning, brute);
+  });
+  Comparison result;
+  for (std::size_t i = 0; i < hits.size(); ++i) {
+    const oracles::BruteHit& hit = hits[i];
+    const bool cut = surface.status[i] == VertexStatus::Cut;
+    result.bound = std::max(result.bound, hit.bound);
+    if (cut != (hit.cut && !hit.begins_removed)) {
+      ++result.disagree;
+      std::cout << "ray " << i << ": " << (cut ? "cut" : "uncut") << " at "
+                << surface.residual[Index(i)] << ", reference " << hit.cut << " s " << hit.s
+                << " bound " << hit.bound << "\n";
+      continue;
+    }
+    ++(cut ? result.cut : result.uncut);
+    if (!cut) continue;
+    const double s = surface.residual[Index(i)];
+    const double off = std::max(s - hit.s, hit.s - hit.bound - s);
+    if (off > 1e-9) {
+      std::cout << "ray " << i << ": " << s << ", reference " << hit.s << " bound " << hit.bound
+                << " times " << surface.cut_time_s[Index(i)] << " " << hit.time_s << "\n";
+    }
+    result.largest = std::max(result.largest, std::abs(s - hit.s));
+  }
+  return result;
+}
+
+/// How wrong a random lathe is.
+struct Wrong {
+  double height = 0.0;          // mm
+  double offset = 0.0;          // mm
+  double tilt = 0.0;            // rad, of the rake plane
+  double wander = 0.0;          // mm and rad from sample to sample
+  double askew = 0.0;           // of the normals, out of the meridian
+  double from = 0.6, to = 0.0;  // mm, radius of the nose centre
+  double feed = 0.05;           // mm a revolution
+  double turns_a_sample = 0.37;
+};
+
+NosePath random_path(const Wrong& wrong, OracleRandom& random) {
+  NosePath path;
+  const Matrix3d tilt = random.rotation(wrong.tilt);
+  const double height = random.in(-1, 1) * wrong.height;
+  const double offset = random.in(-1, 1) * wrong.offset;
+  const double turns = (wrong.from - wrong.to) / wrong.feed + 1.0;
+  const double angle0 = random.in(-20, 20);
+  for (double turn = 0; turn < turns; turn += wrong.turns_a_sample * random.in(0.5, 1.5)) {
+    const double r = std::max(wrong.to, wrong.from - wrong.feed * turn);
+    const Vector3d centre(0.249 - 0.05 * r, height, r + offset);
+    path.add(centre + wrong.wander * random.any(), angle0 + two_pi * turn,
+             tilt * random.rotation(wrong.wander));
+  }
+  return path;
+}
+
+Design random_rays(int n, const Wrong& wrong, double r_low, double r_high, OracleRandom& random) {
+  std::vector<MeridianVertex> vertices;
+  for (int i = 0; i < n; ++i) {
+    const double lean = random.in(-0.3, 0.6);
+    const double r = random.in(r_low, r_high);
+    vertices.push_back(
+        {random.in(-0.01, 0.01) - 0.05 * r, r, random.in(-10, 10), std::cos(lean), std::sin(lean)});
+  }
+  Design design = design_of(vertices);
+  for (int i = 0; i < n; ++i) {
+    design.normals.row(i) += wrong.askew * random.any().transpose();
+    design.normals.row(i).normalize();
+  }
+  return design;
+}
+
+void expect_agreement(const char* what, const Wrong& wrong, unsigned seed, int rays) {
+  SCOPED_TRACE(testing::Message() << what << ", seed " << seed);
+  OracleRandom random(seed);
+  const Nose nose{0.249, {}};
+  const NoseMotion motion = motion_of(random_path(wrong, random));
+  const Design design = random_rays(rays, wrong, std::max(0.0, wrong.to - 0.1), wrong.from, random);
+  const Comparison c = compare(design, nose, motion, 0.2);
+  std::cout << what << ", seed " << seed << ": " << c.cut << " cut, " << c.uncut
+            << " uncut, largest difference " << c.largest * 1e6 << " nm, reference's bound "
+            << c.bound * 1e6 << " nm\n";
+  EXPECT_EQ(c.disagree, 0);
+  EXPECT_GT(c.cut, rays / 2);
+  EXPECT_LE(c.largest, c.bound + 1e-9);
+  EXPECT_LE(c.bound, 1e-7);
+}
+
+TEST(TurnedOracle, PerfectLatheAgrees) { expect_agreement("perfect", {}, 1, 150); }
+
+TEST(TurnedOracle, HeightTiltAndOffsetAgree) {
+  for (const unsigned seed : {2u, 3u, 4u}) {
+    expect_agreement("constant deviations",
+                     {.height = 0.02, .offset = 0.05, .tilt = 0.05, .from = 4.0, .to = 3.6}, seed,
+                     100);
+  }
+}
+
+TEST(TurnedOracle, WanderingNoseAgrees) {
+  for (const unsigned seed : {5u, 6u, 7u}) {
+    expect_agreement(
+        "wandering",
+        {.height = 0.01, .offset = 0.01, .tilt = 0.02, .wander = 1e-3, .from = 7.0, .to = 6.5},
+        seed, 100);
+  }
+}
+
+TEST(TurnedOracle, NormalsOutOfTheMeridianAgree) {
+  for (const unsigned seed : {8u, 9u, 10u}) {
+    expect_agreement(
+        "askew normals",
+        {.height = 0.01, .tilt = 0.02, .wander = 1e-4, .askew = 0.5, .from = 3.0, .to = 2.5}, seed,
+        100);
+  }
+}
+
+TEST(TurnedOracle, FineSamplesAgree) {
+  expect_agreement("fine samples",
+                   {.height = 0.01,
+                    .tilt = 0.02,
+                    .wander = 1e-5,
+                    .askew = 0.1,
+                    .from = 3.0,
+                    .to = 2.7,
+                    .turns_a_sample = 0.01},
+                   11, 100);
+}
+
+TEST(TurnedOracle, RaysAboutTheAxisAgree) {
+  for (const unsigned seed : {12u, 13u, 14u}) {
+    expect_agreement("about the axis",
+                     {.height = 0.002,
+                      .offset = 0.003,
+                      .tilt = 0.01,
+                      .wander = 1e-5,
+                      .askew = 0.02,
+                      .from = 0.1},
+                     seed, 100);
+  }
+}
+
+TEST(TurnedOracle, LargeDeviationsAgree) {
+  for (const unsigned seed : {15u, 16u, 17u}) {
+    expect_agreement("large deviations",
+                     {.height = 0.5,
+                      .offset = 0.3,
+                      .tilt = 0.4,
+                      .wander = 0.02,
+                      .askew = 0.3,
+                      .from = 2.0,
+                      .to = 1.5},
+                     seed, 100);
+  }
 }
 
 }  // namespace

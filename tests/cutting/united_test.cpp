@@ -1,18 +1,11 @@
 #include "cutting/surface/machined_surface.h"
-
-#include <iostream>
-
-#include <gtest/gtest.h>
-
 #include "tests/cutting/milled_parts.h"
 #include "tests/cutting/random.h"
 #include "tests/oracles/brute_surface.h"
+#include "tests/test.h"
 
 namespace abbe::cutting {
 namespace {
-
-using Eigen::Index;
-using Eigen::Vector3d;
 
 constexpr double search_band = 2.0;  // mm
 

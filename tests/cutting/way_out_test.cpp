@@ -1,23 +1,11 @@
-#include "cutting/stock/separation.h"
-
-#include <algorithm>
-#include <chrono>
-#include <cmath>
-#include <cstdlib>
-#include <iostream>
-#include <map>
-#include <numbers>
-#include <random>
-
-#include <gtest/gtest.h>
-
 #include "cutting/stock/collision.h"
+#include "cutting/stock/separation.h"
 #include "tests/cutting/held_parts.h"
+#include "tests/test.h"
 
 namespace abbe::cutting::way_out_tests {
 namespace {
 
-using Eigen::Vector3d;
 using kinematics::Pose;
 
 constexpr double resolution = 1e-3;
@@ -47,7 +35,7 @@ ClosedMesh refined(const ClosedMesh& mesh, int times) {
   };
   ClosedMesh next;
   next.triangles.resize(4 * mesh.triangles.rows(), 3);
-  for (Eigen::Index t = 0; t < mesh.triangles.rows(); ++t) {
+  for (Index t = 0; t < mesh.triangles.rows(); ++t) {
     const int a = mesh.triangles(t, 0), b = mesh.triangles(t, 1), c = mesh.triangles(t, 2);
     const int ab = middle(a, b), bc = middle(b, c), ca = middle(c, a);
     next.triangles.row(4 * t) << a, ab, ca;
@@ -55,8 +43,8 @@ ClosedMesh refined(const ClosedMesh& mesh, int times) {
     next.triangles.row(4 * t + 2) << ca, bc, c;
     next.triangles.row(4 * t + 3) << ab, bc, ca;
   }
-  next.vertices.resize(Eigen::Index(points.size()), 3);
-  for (std::size_t i = 0; i < points.size(); ++i) next.vertices.row(Eigen::Index(i)) = points[i];
+  next.vertices.resize(Index(points.size()), 3);
+  for (std::size_t i = 0; i < points.size(); ++i) next.vertices.row(Index(i)) = points[i];
   return refined(next, times - 1);
 }
 
@@ -300,7 +288,7 @@ TEST(Penetration, OfAPartWithSeamsLeavesIt) {
   ClosedMesh seams;
   seams.vertices.resize(3 * whole.triangles.rows(), 3);
   seams.triangles.resize(whole.triangles.rows(), 3);
-  for (Eigen::Index t = 0; t < whole.triangles.rows(); ++t)
+  for (Index t = 0; t < whole.triangles.rows(); ++t)
     for (int k = 0; k < 3; ++k) {
       const Vector3d noise(any(random), any(random), any(random));
       seams.vertices.row(3 * t + k) =

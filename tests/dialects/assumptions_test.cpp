@@ -1,13 +1,6 @@
-#include <algorithm>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/units.h"
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"
+#include "tests/test.h"
 
 /// What a reader assumes of the control and the operator, in every dialect that leaves it open.
 namespace abbe::sim::dialects::assumption_tests {
@@ -31,12 +24,7 @@ ParsedProgram program_of(const std::string& text, const ReadOptions& options) {
 }
 
 std::string refusal(const std::string& text, const ReadOptions& options) {
-  try {
-    read_program(text, "part.nc", options);
-  } catch (const BadInput& fault) {
-    return fault.what();
-  }
-  return "accepted";
+  return thrown_text<BadInput>([&] { read_program(text, "part.nc", options); }, "accepted");
 }
 
 /// The assumptions with that key, one a line.
@@ -143,7 +131,7 @@ TEST(Assumptions, TheOnlyToolIsTheToolWhereNoneIsCalled) {
     const ParsedProgram read = program_of(written.text, options_of(written.dialect));
     EXPECT_NEAR(radius_of_circle(read), 33.0, 1e-9) << "25 and the radius of the tool";
     const std::string lines = said(read, "program.startup_code");
-    EXPECT_NE(lines.find("the only tool is assumed"), std::string::npos) << lines;
+    EXPECT_HAS(lines, "the only tool is assumed");
     EXPECT_EQ(std::count(lines.begin(), lines.end(), '\n'), 1) << lines;
   }
 }
@@ -156,7 +144,7 @@ TEST(Assumptions, WithSeveralToolsOneMustBeCalled) {
     options.control.tool_radius = {{1, 8.0}, {2, 5.0}};
     options.control.control_by_h = {{1, machines::gantry()}, {2, machines::gantry()}};
     const std::string text = refusal(written.text, options);
-    EXPECT_NE(text.find("part.nc:"), std::string::npos) << text;
+    EXPECT_HAS(text, "part.nc:");
     EXPECT_TRUE(text.find("a tool call before") != std::string::npos ||
                 text.find("a tool with a known radius") != std::string::npos ||
                 text.find("a tool (T) before a feed") != std::string::npos)
@@ -167,7 +155,7 @@ TEST(Assumptions, WithSeveralToolsOneMustBeCalled) {
 TEST(Assumptions, TheLengthOfTheOnlyToolCounts) {
   const auto z_of = [](Dialect dialect, const std::string& text) {
     const ParsedProgram read = program_of(text, options_of(dialect));
-    EXPECT_NE(said(read, "program.startup_code").find("the only tool"), std::string::npos);
+    EXPECT_HAS(said(read, "program.startup_code"), "the only tool");
     return read.path.blocks.back().end[3];
   };
   EXPECT_EQ(z_of(Dialect::LinuxCnc, "G21 G90 G43\nG0 Z5\n"), 105.0);
@@ -308,8 +296,7 @@ TEST(Assumptions, MachineCoordinatesAndTheReferencePosition) {
     ReadOptions options = options_of(dialect);
     const ParsedProgram axes = program_of(text, options);
     EXPECT_EQ(axes.path.blocks.back().end[3], -5.0);
-    EXPECT_NE(said(axes, "machine.machine_zero").find("are counted from the zero of axis Z"),
-              std::string::npos);
+    EXPECT_HAS(said(axes, "machine.machine_zero"), "are counted from the zero of axis Z");
     options.control.machine_zero = machines::AxisVector::Zero(6);
     options.control.machine_zero[3] = 400.0;
     const ParsedProgram shifted = program_of(text, options);

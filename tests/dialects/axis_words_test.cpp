@@ -3,18 +3,10 @@
 // refuses is an input error. The words come from the tables of milling and turning controls, so
 // that new ones are tried as well.
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
 #include <cctype>
-#include <iostream>
-#include <optional>
-#include <sstream>
-#include <string>
-#include <vector>
-
 #include "sim/dialects/read_program.h"
 #include "tests/dialects/lathe.h"
+#include "tests/test.h"
 
 namespace abbe::sim::dialects::axis_words_tests {
 namespace {
@@ -274,3 +266,80 @@ TEST(AxisWords, BesideWordsThatAreNoMotionMoveNothing) {
 
 }  // namespace
 }  // namespace abbe::sim::dialects::axis_words_tests
+
+namespace abbe::sim::dialects {
+namespace {
+
+std::string words_text(std::string_view text, Dialect dialect) {
+  std::string all;
+  for (const UsedWord& word : used_words(text, dialect))
+    all += fmt::format("{} {} {} line {}; ", word.word, name_of(word.use), word.count, word.line);
+  return all;
+}
+
+TEST(UsedWords, AreCountedAsTheTableNamesThemWithoutComments) {
+  EXPECT_EQ(
+      words_text("G01 X1.5 (G38.2 X1) F100 ; M66\ng1x2\nG43.4H1 M8\nG64 P0.1\n", Dialect::LinuxCnc),
+      "G1 read 2 line 1; X read 2 line 1; F read 1 line 1; G43.4 read 1 line 3; "
+      "M8 without effect 1 line 3; G64 without effect 1 line 4; ");
+  EXPECT_EQ(words_text("PARTNO GOTO/1\n  goto /1,2,3\nGOTO/1,2,3 $$ RAPID\nTRACUT/1\n$$ RAPID\n",
+                       Dialect::Cl),
+            "PARTNO without effect 1 line 1; GOTO read 2 line 2; TRACUT refused 1 line 4; ");
+  EXPECT_EQ(words_text("x,y,z\n1,2,3\n", Dialect::Cl), "");
+  EXPECT_EQ(words_text("", Dialect::LinuxCnc), "");
+}
+
+}  // namespace
+}  // namespace abbe::sim::dialects
+
+/// The tables of words in the document are those of the front ends. ABBE_WRITE_WORDS=1 writes them.
+namespace abbe::sim::dialects {
+namespace {
+
+const std::string file = std::string(ABBE_SOURCE_DIR) + "/sim/dialects/README.md";
+const std::string begin_mark = "<!-- words -->\n", end_mark = "<!-- end of words -->";
+
+std::string made_again(const std::string& document) {
+  const std::size_t begin = document.find(begin_mark), end = document.find(end_mark);
+  if (begin == std::string::npos || end == std::string::npos) return "no marks";
+  std::string tables;
+  const auto add = [&](std::string_view title, std::span<const WordTableEntry> words) {
+    tables += "### " + std::string(title) + "\n\n" + markdown_table(words) + "\n";
+  };
+  for (const FrontEnd& one : front_ends()) {
+    add(one.title, one.words());
+    if (one.turning_words != nullptr) add(one.turning_title, one.turning_words());
+  }
+  return document.substr(0, begin + begin_mark.size()) + tables + document.substr(end);
+}
+
+TEST(WordTables, OfTheDocumentAreThoseOfTheFrontEnds) {
+  std::ifstream in(file, std::ios::binary);
+  const std::string document{std::istreambuf_iterator<char>(in), {}};
+  const std::string again = made_again(document);
+  if (std::getenv("ABBE_WRITE_WORDS") != nullptr)
+    std::ofstream(file, std::ios::binary) << again;
+  else
+    EXPECT_EQ(document, again) << "ABBE_WRITE_WORDS=1 writes it";
+}
+
+void expect_every_word_once(std::string_view title, std::span<const WordTableEntry> table) {
+  std::set<std::string> seen;
+  for (const WordTableEntry& line : table) {
+    EXPECT_GT(line.sentence.size(), 3u) << line.word;
+    std::istringstream words{std::string(line.word)};
+    for (std::string word; words >> word;)
+      EXPECT_TRUE(seen.insert(word).second) << title << " has " << word << " twice";
+  }
+}
+
+TEST(WordTables, SayEveryWordOnceWithASentence) {
+  for (const FrontEnd& one : front_ends()) {
+    expect_every_word_once(one.title, one.words());
+    if (one.turning_words != nullptr)
+      expect_every_word_once(one.turning_title, one.turning_words());
+  }
+}
+
+}  // namespace
+}  // namespace abbe::sim::dialects

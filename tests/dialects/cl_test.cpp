@@ -1,18 +1,10 @@
-#include <gtest/gtest.h>
-
-#include <Eigen/Geometry>
-
-#include <cmath>
-#include <filesystem>
-#include <iostream>
-#include <random>
-
 #include "kinematics/inverse_kinematics.h"
 #include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "sim/program/sample.h"
 #include "tests/injured.h"
 #include "tests/program/machines.h"
+#include "tests/test.h"
 
 namespace abbe::sim::dialects::cl_tests {
 namespace {
@@ -22,7 +14,6 @@ using cl_machines::Chain;
 using cl_machines::Motion;
 using cl_machines::Pose;
 using cl_machines::Side;
-using Eigen::Vector3d;
 
 ReadOptions cl_options(const Chain& chain = cl_machines::gantry()) {
   ReadOptions options;
@@ -36,12 +27,7 @@ ParsedProgram read_locations(const std::string& text, const ReadOptions& options
 }
 
 std::string cl_fault(const std::string& text, const ReadOptions& options = cl_options()) {
-  try {
-    read_locations(text, options);
-  } catch (const BadInput& fault) {
-    return fault.what();
-  }
-  return "accepted";
+  return thrown_text<BadInput>([&] { read_locations(text, options); }, "accepted");
 }
 
 /// Table and trunnion: w C' A' b Y X Z s t.
@@ -241,7 +227,7 @@ TEST(CutterLocations, WorkOffsetsShiftThePointsAndLeaveTheVectors) {
   EXPECT_LT((T.translation() - Vector3d(11, 22, 33)).norm(), 1e-12);
   EXPECT_LT((T.linear().col(2) - Vector3d(0.6, 0, 0.8)).norm(), 1e-12);
   ASSERT_EQ(read.warnings.size(), 1u);
-  EXPECT_NE(read.warnings[0].find("work offset of a rotary axis"), std::string::npos);
+  EXPECT_HAS(read.warnings[0], "work offset of a rotary axis");
 }
 
 TEST(CutterLocations, WhatCannotBeDoneIsRefusedByName) {
@@ -352,15 +338,15 @@ TEST(CutterLocations, NoiseAndDamageAreReadOrRefusedWithAPlace) {
 TEST(CutterLocations, HugeStatementsAreRefusedInBoundedTime) {
   std::string many = "GOTO/1";
   for (int i = 0; i < 100000; ++i) many += ",1";
-  EXPECT_NE(cl_fault(many + "\n").find("at most 1000 values"), std::string::npos);
+  EXPECT_HAS(cl_fault(many + "\n"), "at most 1000 values");
   std::string lines = "GOTO/1,$\n";
   for (int i = 0; i < 100000; ++i) lines += "$\n";
-  EXPECT_NE(cl_fault(lines).find("at most 200 lines"), std::string::npos);
+  EXPECT_HAS(cl_fault(lines), "at most 200 lines");
   ReadOptions options = cl_options();
   options.limits.blocks = 100;
   std::string long_program;
   for (int i = 0; i < 200; ++i) long_program += "REMARK\n";
-  EXPECT_NE(cl_fault(long_program, options).find("at most 100 blocks"), std::string::npos);
+  EXPECT_HAS(cl_fault(long_program, options), "at most 100 blocks");
 }
 
 }  // namespace

@@ -2,16 +2,9 @@
 // and damaged files.
 
 #include "sim/dialects/control_table_files.h"
-
-#include <chrono>
-#include <iostream>
-#include <random>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
 #include "sim/dialects/read_options.h"
 #include "tests/program/machines.h"
+#include "tests/test.h"
 
 namespace abbe::sim::dialects {
 namespace {
@@ -101,7 +94,7 @@ TEST(ControlTables, OffsetsBeyondTheSixKeepTheirNumbers) {
   EXPECT_EQ(heidenhain.offsets.at(1007).axes.at('X').value, 2.0);
   EXPECT_EQ(heidenhain.offsets.at(10999).axes.at('X').value, 3.0);
   ASSERT_EQ(heidenhain.notes.size(), 1u);
-  EXPECT_NE(heidenhain.notes[0].find("presets other than 1 to 9999 (1)"), std::string::npos);
+  EXPECT_HAS(heidenhain.notes[0], "presets other than 1 to 9999 (1)");
 }
 
 void refuses(const std::string& text, ControlTableKind kind, const std::string& message,
@@ -110,7 +103,7 @@ void refuses(const std::string& text, ControlTableKind kind, const std::string& 
     read_control_table(text, "f", kind, unit);
     ADD_FAILURE() << "read: " << text;
   } catch (const BadProgram& bad) {
-    EXPECT_NE(bad.text.find(message), std::string::npos) << bad.text;
+    EXPECT_HAS(bad.text, message);
   }
 }
 

@@ -1,21 +1,13 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <random>
-
 #include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"
+#include "tests/test.h"
 
 namespace abbe::sim::dialects::fanuc_tests {
 namespace {
 
-namespace fs = std::filesystem;
 namespace machines = program::test;
+using machines::Chain;
 
 constexpr int x = 1, y = 2, z = 3;  // joints of the gantry
 
@@ -32,12 +24,7 @@ ParsedProgram fanuc_read(const std::string& text, const ReadOptions& with = fanu
 }
 
 std::string fanuc_refusal(const std::string& text, const ReadOptions& with = fanuc_options()) {
-  try {
-    read_program(text, "part.nc", with);
-  } catch (const BadInput& fault) {
-    return fault.what();
-  }
-  return "accepted";
+  return thrown_text<BadInput>([&] { read_program(text, "part.nc", with); }, "accepted");
 }
 
 /// Where the program ends, (axes).
@@ -51,18 +38,16 @@ TEST(Fanuc, NumbersWithoutADecimalPointCountInTheLeastIncrement) {
   EXPECT_EQ(metric.path.blocks[0].end[y], -2.5);
   EXPECT_DOUBLE_EQ(metric.path.blocks[1].end[x], 0.2);
   ASSERT_EQ(metric.warnings.size(), 1u) << "once";
-  EXPECT_NE(metric.warnings[0].find("part.nc:1: X100 has no decimal point and is 0.1:"),
-            std::string::npos)
-      << metric.warnings[0];
+  EXPECT_HAS(metric.warnings[0], "part.nc:1: X100 has no decimal point and is 0.1:");
   const ParsedProgram inch = fanuc_read("G20 G1 X100 F10.\nC90000\n");
   EXPECT_DOUBLE_EQ(inch.path.blocks[0].end[x], 100 * 0.0001 * 25.4);
   EXPECT_DOUBLE_EQ(inch.path.blocks[1].end[0], 90 * units::deg) << "angles have no inches";
   EXPECT_TRUE(fanuc_read("G1 X1. Y0 F300\n").warnings.empty()) << "zero is zero";
   EXPECT_EQ(fanuc_read("#1=100\nG1 X#1 F300\n").path.blocks[0].end[x], 100.0)
       << "variables are as they are";
-  EXPECT_NE(fanuc_refusal("G20 G1 X1. F10\n").find("a decimal point in F"), std::string::npos);
-  EXPECT_NE(fanuc_refusal("G4 P1.5\n").find("milliseconds"), std::string::npos);
-  EXPECT_NE(fanuc_refusal("S1000. M3\n").find("without a decimal point"), std::string::npos);
+  EXPECT_HAS(fanuc_refusal("G20 G1 X1. F10\n"), "a decimal point in F");
+  EXPECT_HAS(fanuc_refusal("G4 P1.5\n"), "milliseconds");
+  EXPECT_HAS(fanuc_refusal("S1000. M3\n"), "without a decimal point");
 }
 
 TEST(Fanuc, ArgumentsGoToTheVariablesOfTheManual) {
@@ -75,13 +60,10 @@ TEST(Fanuc, ArgumentsGoToTheVariablesOfTheManual) {
   EXPECT_EQ(path.blocks[0].end[y], 2.0);
   EXPECT_EQ(path.blocks[0].end[z], -3.0);
   EXPECT_EQ(path.blocks[1].end[x], 5.0);
-  EXPECT_NE(fanuc_refusal("O9\nG65 P1 N1" + show).find("sequence number at the start"),
-            std::string::npos);
-  EXPECT_NE(fanuc_refusal("O9\nG65 P1 F1" + show).find("a decimal point in argument"),
-            std::string::npos);
-  EXPECT_NE(fanuc_refusal("O9\nG65 P1 K1. K1. K1. K1. K1. K1. K1. K1. K1. K1. K1." + show)
-                .find("at most ten times"),
-            std::string::npos);
+  EXPECT_HAS(fanuc_refusal("O9\nG65 P1 N1" + show), "sequence number at the start");
+  EXPECT_HAS(fanuc_refusal("O9\nG65 P1 F1" + show), "a decimal point in argument");
+  EXPECT_HAS(fanuc_refusal("O9\nG65 P1 K1. K1. K1. K1. K1. K1. K1. K1. K1. K1. K1." + show),
+             "at most ten times");
 }
 
 TEST(Fanuc, LocalVariablesAreOfTheirCallAndThoseOfG66Stay) {
@@ -95,7 +77,7 @@ TEST(Fanuc, LocalVariablesAreOfTheirCallAndThoseOfG66Stay) {
 TEST(Fanuc, RefusesByName) {
   const auto refused = [](const std::string& text, const std::string& sentence) {
     const std::string seen = fanuc_refusal(text);
-    EXPECT_NE(seen.find(sentence), std::string::npos) << text << seen;
+    EXPECT_HAS(seen, sentence) << text;
     EXPECT_EQ(seen.find("part.nc:"), 0u) << text << seen;
   };
   refused("G02.4 X1.\n", "a circle in space");
@@ -138,8 +120,7 @@ TEST(Fanuc, AllFaultsAreReportedTogether) {
   const ParsedProgram read = fanuc_read("G1 X1. F100.\nG187 P1\nM77\nG187\n", with);
   ASSERT_EQ(read.skipped.size(), 3u);  // G187 P1 M77
   EXPECT_EQ(read.skipped[0].count, 2u);
-  EXPECT_NE(fanuc_refusal("G187 X1.\n", with).find("no axis words with a code that is skipped"),
-            std::string::npos);
+  EXPECT_HAS(fanuc_refusal("G187 X1.\n", with), "no axis words with a code that is skipped");
 }
 
 TEST(Fanuc, WhatNeverEndsIsRefusedInBoundedTime) {
@@ -149,18 +130,15 @@ TEST(Fanuc, WhatNeverEndsIsRefusedInBoundedTime) {
        {"N1 GOTO1\n", "WHILE[1EQ1]DO1\nEND1\n", "DO1\nEND1\n",
         "O1\nM98 P2 L9999999\nM30\nO2\nM99\n", "O1\nG65 P2 L9999999\nM30\nO2\nM99\n",
         "M99 P1\nN1 M99 P1\n", "G91 G99 G81 X1. Z-1. R1. K1000000 F100.\n"})
-    EXPECT_NE(fanuc_refusal(text, with).find("100000 blocks"), std::string::npos) << text;
-  EXPECT_NE(fanuc_refusal("O1\nM98 P1\nM30\n", with).find("50 nested calls"), std::string::npos);
-  EXPECT_NE(fanuc_refusal("O1\nG66 P2\nX1.\nM30\nO2\nG65 P2\nM99\n", with).find("50 nested calls"),
-            std::string::npos);
-  EXPECT_NE(fanuc_refusal("G99 G83 X1. Z-10. R1. Q0.00001 F100.\n", with).find("1e5 pecks"),
-            std::string::npos);
-  EXPECT_NE(fanuc_refusal("X" + std::string(100000, '[') + "\n").find("100 nested brackets"),
-            std::string::npos);
+    EXPECT_HAS(fanuc_refusal(text, with), "100000 blocks") << text;
+  EXPECT_HAS(fanuc_refusal("O1\nM98 P1\nM30\n", with), "50 nested calls");
+  EXPECT_HAS(fanuc_refusal("O1\nG66 P2\nX1.\nM30\nO2\nG65 P2\nM99\n", with), "50 nested calls");
+  EXPECT_HAS(fanuc_refusal("G99 G83 X1. Z-10. R1. Q0.00001 F100.\n", with), "1e5 pecks");
+  EXPECT_HAS(fanuc_refusal("X" + std::string(100000, '[') + "\n"), "100 nested brackets");
   with.limits.variables = 10;
   std::string many;
   for (int i = 1; i < 30; ++i) many += "#" + std::to_string(i) + "=1\n";
-  EXPECT_NE(fanuc_refusal(many, with).find("at most 10 variables"), std::string::npos);
+  EXPECT_HAS(fanuc_refusal(many, with), "at most 10 variables");
 }
 
 TEST(Fanuc, BrokenFlowIsRefusedWithItsPlace) {
@@ -178,8 +156,7 @@ TEST(Fanuc, SubprogramsInTheFolderAreNamedInRefusals) {
   std::ofstream(folder / "O1234.nc") << "%\nO1234 (HOLE)\nG0 X#24\nG31 Z1.\nM99\n%\n";
   ReadOptions with = fanuc_options();
   with.subprogram_folder = folder;
-  EXPECT_NE(fanuc_refusal("G65 P1234 X5.\n", with).find("O1234.nc:4:1: expected no probing"),
-            std::string::npos);
+  EXPECT_HAS(fanuc_refusal("G65 P1234 X5.\n", with), "O1234.nc:4:1: expected no probing");
   std::ofstream(folder / "O1234.nc") << "G0 X#24\nM99\n";
   const program::Path path = fanuc_read("M98 P1234\nG65 P1234 X5.\nY1.\n", with).path;
   ASSERT_EQ(path.blocks.size(), 2u);
@@ -199,10 +176,8 @@ TEST(Fanuc, EndsOfWhatIsNotThereMoveNothing) {
   EXPECT_EQ(path.blocks[1].end[y], 50.0);
   EXPECT_EQ(fanuc_read("G17 G40 G50 G50.1 G80\n").path.motion_blocks, 0u) << "at the beginning";
   for (const char* code : {"G50", "G11", "G13.1", "G113"})
-    EXPECT_NE(fanuc_refusal(begin + code + " X0. Y0.\n").find("which takes none, seen X0."),
-              std::string::npos)
-        << code;
-  EXPECT_NE(fanuc_refusal("G4 P100 Y5.\n").find("the only word with G4"), std::string::npos);
+    EXPECT_HAS(fanuc_refusal(begin + code + " X0. Y0.\n"), "which takes none, seen X0.") << code;
+  EXPECT_HAS(fanuc_refusal("G4 P100 Y5.\n"), "the only word with G4");
 }
 
 // Group 00 beside group 01: the axis words are those of group 00, the code of motion is in force
@@ -224,8 +199,8 @@ TEST(Fanuc, CodesOfGroup00StandBesideCodesOfMotion) {
       }
     }
   EXPECT_EQ(pairs, 16);
-  EXPECT_NE(fanuc_refusal("G28 G81 X5. Z1. R2.\n").find("a code that uses R"), std::string::npos);
-  EXPECT_NE(fanuc_refusal("G28 G68 X5. Y1.\n").find("a block without G28"), std::string::npos);
+  EXPECT_HAS(fanuc_refusal("G28 G81 X5. Z1. R2.\n"), "a code that uses R");
+  EXPECT_HAS(fanuc_refusal("G28 G68 X5. Y1.\n"), "a block without G28");
 }
 
 TEST(Fanuc, BetweenTwoToolsZGoesToItsReference) {
@@ -262,9 +237,8 @@ TEST(Fanuc, CompensationEntersAsNormAndRlDo) {
   for (std::size_t i = 0; i < fanuc.blocks.size(); ++i)
     EXPECT_LT((siemens.blocks[i].end - fanuc.blocks[i].end).head(2).norm(), 1e-12) << i;
   with.dialect = Dialect::Fanuc;
-  EXPECT_NE(fanuc_refusal("G21 G90 F100.\nG41 D1 G2 X20. Y0. R10.\n", with)
-                .find("a straight line as the first move"),
-            std::string::npos);
+  EXPECT_HAS(fanuc_refusal("G21 G90 F100.\nG41 D1 G2 X20. Y0. R10.\n", with),
+             "a straight line as the first move");
   EXPECT_EQ(
       fanuc_read("G21 G90 F100.\nG41 D1 G1 X20.\nG41 Y30.\nX60.\nG40 X70.\n", with)
           .path.motion_blocks,
@@ -333,9 +307,7 @@ std::string common_program(std::mt19937& random) {
 }
 
 TEST(Fanuc, WhatLinuxCncHasAsWellGivesTheSameBits) {
-  const unsigned seed = 20240711;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20240711);
   ReadOptions with = fanuc_options();
   with.control.work_offset[1] = machines::AxisVector::Zero(6);
   with.control.work_offset[1] << 0.3, 1, 2, 3, 0, 0;
@@ -363,9 +335,7 @@ TEST(Fanuc, WhatLinuxCncHasAsWellGivesTheSameBits) {
 }
 
 TEST(Fanuc, AttacksEndInAPathOrInARefusalWithItsPlace) {
-  const unsigned seed = 20240712;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20240712);
   std::vector<std::string> goldens;
   for (const auto& entry : fs::directory_iterator(ABBE_SOURCE_DIR "/tests/golden"))
     if (entry.path().filename().string().starts_with("fanuc_"))
@@ -415,6 +385,134 @@ TEST(Fanuc, AttacksEndInAPathOrInARefusalWithItsPlace) {
   std::cout << read << " read, " << refused << " refused\n";
   EXPECT_GT(read, 100);
   EXPECT_GT(refused, 500);
+}
+
+// Tilted planes and directions of the tool against what is written down another way: turns as
+// quaternions, the machine's own forward chain, pairs of angles in closed form.
+
+constexpr int c_joint = 0, x_joint = 1, a_joint = 4;  // of the gantry
+
+program::Path planes_read(const std::string& text, const Chain& chain) {
+  ReadOptions options;
+  options.control = machines::options_for(chain);
+  options.dialect = Dialect::Fanuc;
+  return read_program(text, "part.nc", options).path;
+}
+
+/// A turn as a quaternion w x y z, by its half angle.
+using Quaternion = std::array<double, 4>;
+
+Quaternion turn_about(int axis, double degrees) {
+  Quaternion q{std::cos(0.5 * degrees * units::deg), 0, 0, 0};
+  q[std::size_t(axis) + 1] = std::sin(0.5 * degrees * units::deg);
+  return q;
+}
+
+Quaternion operator*(const Quaternion& a, const Quaternion& b) {
+  return {a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+          a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+          a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+          a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]};
+}
+
+Vector3d turned(const Quaternion& q, const Vector3d& v) {
+  const Quaternion r =
+      q * Quaternion{0, v.x(), v.y(), v.z()} * Quaternion{q[0], -q[1], -q[2], -q[3]};
+  return {r[1], r[2], r[3]};
+}
+
+// Bound: 1e-9 mm and 1e-12 rad, the promise of the inverse; planes lean by up to 60 degrees.
+TEST(FanucPlanes, TheTipStandsWhereQuaternionsPutItAndTheToolAcrossThePlane) {
+  SeededRandom random(20240713);
+  std::uniform_real_distribution<double> any(-180, 180), lean(-60, 60), at(-50, 50);
+  double worst_mm = 0, worst_rad = 0;
+  for (int n = 0; n < 500; ++n) {
+    const Chain machine = n % 2 == 0 ? machines::gantry() : machines::trunnion();
+    const double i = any(random), j = lean(random), k = any(random);
+    const Vector3d o(at(random), at(random), at(random)), p(at(random), at(random), at(random));
+    const std::string text = fmt::format(
+        "G90 G0 A0. C0.\nG68.2 X{:.9f} Y{:.9f} Z{:.9f} I{:.9f} J{:.9f} K{:.9f}\nG53.1\n"
+        "G43 H1\nG0 X{:.9f} Y{:.9f} Z{:.9f}\nG69\nG49\nG91 G0 X1.\n",
+        o.x(), o.y(), o.z(), i, j, k, p.x(), p.y(), p.z());
+    const program::Path path = planes_read(text, machine);
+    const Quaternion q = turn_about(2, i) * turn_about(0, j) * turn_about(2, k);
+    const Vector3d expected = o + turned(q, p), across = turned(q, Vector3d::UnitZ());
+    // the last move begins where the axes stand, by the control's chain
+    const kinematics::AxisVector axes = path.blocks.back().start;
+    ASSERT_EQ(int(path.blocks.back().coordinates), int(program::Coordinates::Axis));
+    const machines::Pose tool = machine.tool_in_workpiece(axes);
+    worst_mm = std::max(worst_mm, (tool.translation() - expected).norm());
+    worst_rad = std::max(worst_rad, tool.linear().col(2).cross(across).norm());
+    ASSERT_GT(tool.linear().col(2).dot(across), 0.0);
+  }
+  std::cout << "worst " << worst_mm << " mm, " << worst_rad << " rad\n";
+  EXPECT_LT(worst_mm, 2e-8) << "angles and positions are written to 1e-9";
+  EXPECT_LT(worst_rad, 1e-10);
+}
+
+TEST(FanucPlanes, OfTwoPairsTheTableTurnsLessThenTheHead) {
+  // A plane that leans by 30 about X: A 30 and C 0, or A -30 and C 180.
+  const auto turned_from = [](double c) {
+    const program::Path path = planes_read(
+        fmt::format("G0 C{:.1f}\nG68.2 I0. J30. K0.\nG53.1\nG69\nG0 X1.\n", c), machines::gantry());
+    const kinematics::AxisVector& q = path.blocks.back().end;
+    return std::array{q[a_joint] / units::deg, q[c_joint] / units::deg};
+  };
+  const auto near = turned_from(40.0), far = turned_from(150.0);
+  EXPECT_NEAR(near[0], 30.0, 1e-9);
+  EXPECT_NEAR(near[1], 0.0, 1e-9);
+  EXPECT_NEAR(far[0], -30.0, 1e-9);
+  EXPECT_NEAR(far[1], 180.0, 1e-9);
+}
+
+TEST(FanucPlanes, OfTwoPairsOfATrunnionItsFirstAxisTurnsLess) {
+  // A carries C: the pairs of one direction have A and -A, whatever C must turn.
+  for (const double from : {5.0, -5.0}) {
+    const program::Path path =
+        planes_read(fmt::format("G0 A{:.1f} C10.\nG68.2 I0. J20. K0.\nG53.1\nG69\nG0 X1.\n", from),
+                    machines::trunnion());
+    EXPECT_NEAR(path.blocks.back().end[1] / units::deg, from > 0 ? 20.0 : -20.0, 1e-9);
+  }
+}
+
+TEST(FanucPlanes, DirectionsOutOfReachAreRefused) {
+  const std::string said = thrown_text<BadInput>(
+      [&] { planes_read("G68.2 I0. J30. K0.\nG53.1\n", machines::three_axis()); });
+  EXPECT_HAS(said, "part.nc:2:1: expected a direction that the rotary");
+}
+
+// I J K of G43.5: the forward chain gives the direction back.
+TEST(FanucPlanes, DirectionsOfG435AreThoseOfTheForwardChain) {
+  SeededRandom random(20240714);
+  std::uniform_real_distribution<double> any(-1, 1), at(-50, 50);
+  double worst = 0;
+  for (int n = 0; n < 200; ++n) {
+    const Chain machine = n % 2 == 0 ? machines::gantry() : machines::trunnion();
+    const Vector3d d = Vector3d(any(random), any(random), 1.2 + any(random));
+    const Vector3d tip(at(random), at(random), at(random));
+    const program::Path path = planes_read(
+        fmt::format("G43.5 H1\nG1 X{:.6f} Y{:.6f} Z{:.6f} I{:.12f} J{:.12f} K{:.12f} F100.\n",
+                    tip.x(), tip.y(), tip.z(), d.x(), d.y(), d.z()),
+        machine);
+    const program::Block& block = path.blocks.back();
+    ASSERT_EQ(int(block.coordinates), int(program::Coordinates::Tip));
+    worst = std::max(
+        worst, machine.tool_in_workpiece(block.end).linear().col(2).cross(d.normalized()).norm());
+    ASSERT_NEAR(block.end[*machine.find('X')], tip.x(), 1e-6);
+  }
+  std::cout << "worst " << worst << " rad\n";
+  EXPECT_LT(worst, 1e-11);
+}
+
+// The plane of a rotation G68 in G18 turns from Z to X, as a positive turn about Y.
+TEST(FanucPlanes, G68TurnsInThePlaneAboutItsCentre) {
+  const auto at = [](const std::string& text) {
+    const kinematics::AxisVector q = planes_read(text, machines::gantry()).blocks.back().end;
+    return Vector3d(q[x_joint], q[x_joint + 1], q[x_joint + 2]);
+  };
+  EXPECT_NEAR((at("G17 G68 X1. Y2. R90.\nX3. Y2. Z4.\n") - Vector3d(1, 4, 4)).norm(), 0, 1e-14);
+  EXPECT_NEAR((at("G18 G68 X1. Z2. R90.\nX1. Y5. Z3.\n") - Vector3d(2, 5, 2)).norm(), 0, 1e-14);
+  EXPECT_NEAR((at("G19 G68 Y1. Z2. R90.\nX7. Y2. Z2.\n") - Vector3d(7, 1, 3)).norm(), 0, 1e-14);
 }
 
 }  // namespace

@@ -1,13 +1,7 @@
 #pragma once
 
-#include <string>
-#include <string_view>
-#include <vector>
-
-#include <fmt/format.h>
-
 #include "kinematics/inverse_kinematics.h"
-#include "kinematics/units.h"
+#include "tests/test.h"
 
 /// One toolpath as cutter locations and as posts for every control, for tests that hold them
 /// against each other.
@@ -15,7 +9,7 @@ namespace abbe::sim::dialects::posts {
 
 /// The tip in program coordinates, mm, and the tool axis from the tip to the spindle.
 struct PostedPoint {
-  Eigen::Vector3d tip, axis;
+  Vector3d tip, axis;
   bool rapid = false;
 };
 
@@ -64,7 +58,7 @@ inline std::string to_locations(const Toolpath& path) {
 /// A program of that control; the machine's inverse makes the rotary words.
 /// @param zero_w  mm, the zero of the program in the workpiece
 inline std::string to_post(const Toolpath& path, const Post& post, const kinematics::Chain& chain,
-                           const Eigen::Vector3d& zero_w) {
+                           const Vector3d& zero_w) {
   std::string text = post.head;
   const auto word = [&](char letter, double value, int digits) {
     return post.signs ? fmt::format(" {}{:+.{}f}", letter, value, digits)

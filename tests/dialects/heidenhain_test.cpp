@@ -1,27 +1,15 @@
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <random>
-#include <sstream>
-
-#include <fmt/format.h>
-#include <Eigen/Geometry>
-
-#include "kinematics/inverse_kinematics.h"
 #include "sim/dialects/heidenhain/heidenhain.h"
+#include "kinematics/inverse_kinematics.h"
 #include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"
+#include "tests/test.h"
 
 namespace abbe::sim::dialects::heidenhain_tests {
 namespace {
 
-namespace fs = std::filesystem;
 namespace klartext_machines = program::test;
 using Eigen::Quaterniond;
-using Eigen::Vector3d;
 using kinematics::AxisVector;
 using kinematics::Chain;
 using kinematics::Side;
@@ -40,12 +28,7 @@ ParsedProgram klartext(const std::string& text, const ReadOptions& with = klarte
 
 std::string klartext_refusal(const std::string& text,
                              const ReadOptions& with = klartext_options()) {
-  try {
-    klartext(text, with);
-  } catch (const BadInput& fault) {
-    return fault.what();
-  }
-  return "accepted";
+  return thrown_text<BadInput>([&] { klartext(text, with); }, "accepted");
 }
 
 /// w C' A' b Y X Z t, the nose 200 mm above where the rotary axes meet, a tool of 80 mm.
@@ -103,16 +86,13 @@ TEST(Heidenhain, TiltedPlanesTakeTheSolutionsOfTheManual) {
     EXPECT_NEAR(end[1] / units::deg, row.a_end, 1e-9);
     EXPECT_NEAR(std::remainder(end[0] / units::deg - row.c_end, 360), 0, 1e-9);
   }
-  EXPECT_NE(klartext_refusal("PLANE SPATIAL SPA+0 SPB+45 SPC+0 TURN FMAX SEQ+\n",
-                             klartext_options(trunnion(-90, 10)))
-                .find("a solution with SEQ+"),
-            std::string::npos);
+  EXPECT_HAS(klartext_refusal("PLANE SPATIAL SPA+0 SPB+45 SPC+0 TURN FMAX SEQ+\n",
+                              klartext_options(trunnion(-90, 10))),
+             "a solution with SEQ+");
 }
 
 TEST(Heidenhain, PlanesAreThoseOfQuaternions) {
-  const unsigned seed = 20261124;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20261124);
   std::uniform_real_distribution<double> angle(-170, 170), mm(-100, 100);
   double worst = 0.0;
   for (int i = 0; i < 500; ++i) {
@@ -168,9 +148,7 @@ TEST(Heidenhain, VectorsPointsAndRelativeAnglesAreTheSamePlane) {
 }
 
 TEST(Heidenhain, TheTipIsWhereTheProgramSays) {
-  const unsigned seed = 640;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(640);
   std::uniform_real_distribution<double> unit(-1, 1);
   const Chain chain = trunnion();
   ReadOptions with = klartext_options(chain);
@@ -237,17 +215,15 @@ TEST(Heidenhain, LongerToolsLieAlongTheToolAxis) {
 }
 
 TEST(Heidenhain, RoundedCornersTouchBothLines) {
-  const unsigned seed = 7;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(7);
   std::uniform_real_distribution<double> mm(-50, 50), radius(0.1, 4);
   int rounded = 0;
   double worst = 0.0;
   for (int i = 0; i < 300; ++i) {
-    const Eigen::Vector2d a(mm(random), mm(random)), b(mm(random), mm(random));
-    const Eigen::Vector2d c(mm(random), mm(random));
+    const Vector2d a(mm(random), mm(random)), b(mm(random), mm(random));
+    const Vector2d c(mm(random), mm(random));
     const double r = radius(random);
-    const Eigen::Vector2d u = (a - b).normalized(), v = (c - b).normalized();
+    const Vector2d u = (a - b).normalized(), v = (c - b).normalized();
     const double half = std::acos(std::clamp(u.dot(v), -1.0, 1.0)) / 2;
     const double cut = r / std::tan(half);
     const std::string text = fmt::format(
@@ -256,8 +232,7 @@ TEST(Heidenhain, RoundedCornersTouchBothLines) {
         a.x(), a.y(), b.x(), b.y(), r, c.x(), c.y());
     if (cut > (a - b).norm() - 1e-3 || cut > (c - b).norm() - 1e-3) {
       if (cut > (a - b).norm() + 1e-3) {
-        EXPECT_NE(klartext_refusal(text).find("moves at least as long as the corner"),
-                  std::string::npos);
+        EXPECT_HAS(klartext_refusal(text), "moves at least as long as the corner");
       }
       continue;
     }
@@ -265,7 +240,7 @@ TEST(Heidenhain, RoundedCornersTouchBothLines) {
     const program::Path path = klartext(text).path;
     ASSERT_EQ(path.arcs.size(), 1u);
     // closed form: the centre lies on the line that halves the angle
-    const Eigen::Vector2d centre = b + r / std::sin(half) * (u + v).normalized();
+    const Vector2d centre = b + r / std::sin(half) * (u + v).normalized();
     worst = std::max(worst, (path.arcs[0].centre - centre).norm());
     worst = std::max(worst, std::abs(path.arcs[0].radius - r));
     EXPECT_NEAR(std::abs(path.arcs[0].sweep), pi - 2 * half, 1e-8);
@@ -279,18 +254,18 @@ TEST(Heidenhain, TangentArcsGoOnInTheDirectionOfTheLastMove) {
   std::mt19937 random(11);
   std::uniform_real_distribution<double> mm(-50, 50);
   for (int i = 0; i < 200; ++i) {
-    const Eigen::Vector2d a(mm(random), mm(random)), b(mm(random), mm(random));
-    const Eigen::Vector2d c(mm(random), mm(random)), d(mm(random), mm(random));
+    const Vector2d a(mm(random), mm(random)), b(mm(random), mm(random));
+    const Vector2d c(mm(random), mm(random)), d(mm(random), mm(random));
     const program::Path path =
         klartext(fmt::format("L X{:+.9f} Y{:+.9f} FMAX\nL X{:+.9f} Y{:+.9f} F500\nCT X{:+.9f} "
                              "Y{:+.9f}\nCT X{:+.9f} Y{:+.9f}\n",
                              a.x(), a.y(), b.x(), b.y(), c.x(), c.y(), d.x(), d.y()))
             .path;
     ASSERT_EQ(path.arcs.size(), 2u);
-    Eigen::Vector2d way = (b - a).normalized();
+    Vector2d way = (b - a).normalized();
     for (const program::Arc& arc : path.arcs) {
       const double h = 1e-6;
-      const Eigen::Vector2d out = (position(arc, h) - position(arc, 0)).normalized();
+      const Vector2d out = (position(arc, h) - position(arc, 0)).normalized();
       EXPECT_LT((out - way).norm(), 1e-4);
       way = (position(arc, 1) - position(arc, 1 - h)).normalized();
     }
@@ -312,11 +287,8 @@ TEST(Heidenhain, ToolsAreCalledByTheirNames) {
   EXPECT_NE(reads("TOOL CALL \"mill\"").blocks.back().end,
             reads("TOOL CALL \"BALL 10\"").blocks.back().end);
   for (const char* unknown : {"TOOL CALL \"MILL\" Z", "TOOL CALL \"\" Z", "TOOL CALL \"mill Z"})
-    EXPECT_NE(
-        klartext_refusal(std::string(unknown) + "\n", options)
-            .find("part.h:1:11: expected a tool number: the scene has no tool with this name"),
-        std::string::npos)
-        << klartext_refusal(std::string(unknown) + "\n", options);
+    EXPECT_HAS(klartext_refusal(std::string(unknown) + "\n", options),
+               "part.h:1:11: expected a tool number: the scene has no tool with this name");
 }
 
 TEST(Heidenhain, FaultsAreNamedAtTheirPlace) {
@@ -362,8 +334,8 @@ TEST(Heidenhain, WordsThatAreRefusedSayWhatToDo) {
       const std::string seen = klartext_refusal("7 " + text + (fn ? ": " : "") + "\n");
       SCOPED_TRACE(text + ": " + seen);
       if (line.use == WordTreatment::Refused) {
-        EXPECT_NE(seen.find("part.h:1:"), std::string::npos);
-        EXPECT_NE(seen.find(line.sentence), std::string::npos);
+        EXPECT_HAS(seen, "part.h:1:");
+        EXPECT_HAS(seen, line.sentence);
       } else {
         EXPECT_EQ(seen.find("a TNC"), std::string::npos) << "it is in the table";
       }
@@ -384,47 +356,39 @@ TEST(Heidenhain, AWordTwiceAndHalfOfACycleAreInputErrors) {
         << block << ": " << said;
   }
   const std::string move = "L X+1 FMAX\n";
-  EXPECT_NE(klartext_refusal(begin + "CYCL DEF 7.1 X+5\n" + move).find("CYCL DEF 7.0 in the block"),
-            std::string::npos);
-  EXPECT_NE(klartext_refusal(begin + "CYCL DEF 10.0 ROTATION\n" + move)
-                .find("CYCL DEF 10.1 after CYCL DEF 10.0"),
-            std::string::npos);
-  EXPECT_NE(klartext_refusal(begin + "CYCL DEF 9.0 DWELL TIME\nCYCL DEF 7.0 DATUM SHIFT\n"
-                                     "CYCL DEF 7.1 X+5\n")
-                .find("CYCL DEF 9.1 after CYCL DEF 9.0"),
-            std::string::npos);
-  EXPECT_NE(klartext_refusal(begin + "CYCL DEF 7.0 DATUM SHIFT\n" + move + "CYCL DEF 7.1 X+5\n")
-                .find("CYCL DEF 7.1 after"),
-            std::string::npos);
+  EXPECT_HAS(klartext_refusal(begin + "CYCL DEF 7.1 X+5\n" + move), "CYCL DEF 7.0 in the block");
+  EXPECT_HAS(klartext_refusal(begin + "CYCL DEF 10.0 ROTATION\n" + move),
+             "CYCL DEF 10.1 after CYCL DEF 10.0");
+  EXPECT_HAS(klartext_refusal(begin + "CYCL DEF 9.0 DWELL TIME\nCYCL DEF 7.0 DATUM SHIFT\n"
+                                      "CYCL DEF 7.1 X+5\n"),
+             "CYCL DEF 9.1 after CYCL DEF 9.0");
+  EXPECT_HAS(klartext_refusal(begin + "CYCL DEF 7.0 DATUM SHIFT\n" + move + "CYCL DEF 7.1 X+5\n"),
+             "CYCL DEF 7.1 after");
   EXPECT_EQ(klartext_refusal(
                 begin + "CYCL DEF 7.0 DATUM SHIFT\nCYCL DEF 7.1 X+5\nCYCL DEF 7.2 Y+5\n" + move),
             "accepted");
-  EXPECT_NE(klartext_refusal("BEGIN PGM A MM\n" + begin + move + "BEGIN PGM B INCH\n" + move)
-                .find("END PGM before BEGIN PGM"),
-            std::string::npos);
+  EXPECT_HAS(klartext_refusal("BEGIN PGM A MM\n" + begin + move + "BEGIN PGM B INCH\n" + move),
+             "END PGM before BEGIN PGM");
 }
 
 TEST(Heidenhain, WhatNeverEndsIsRefusedInBoundedTime) {
   ReadOptions with = klartext_options();
   with.limits.blocks = 100000;
-  EXPECT_NE(klartext_refusal("LBL 1\nCALL LBL 1 REP 65534\nLBL 2\nIF +1 EQU +1 GOTO LBL 2\n", with)
-                .find("100000 blocks"),
-            std::string::npos);
-  EXPECT_NE(klartext_refusal("LBL 1\nCALL LBL 1\nLBL 0\n", with).find("50 nested calls"),
-            std::string::npos);
-  EXPECT_NE(klartext_refusal("Q1 = " + std::string(100000, '(') + "\n").find("100 nested brackets"),
-            std::string::npos);
+  EXPECT_HAS(
+      klartext_refusal("LBL 1\nCALL LBL 1 REP 65534\nLBL 2\nIF +1 EQU +1 GOTO LBL 2\n", with),
+      "100000 blocks");
+  EXPECT_HAS(klartext_refusal("LBL 1\nCALL LBL 1\nLBL 0\n", with), "50 nested calls");
+  EXPECT_HAS(klartext_refusal("Q1 = " + std::string(100000, '(') + "\n"), "100 nested brackets");
   std::string functions = "Q1 = ";
   for (int i = 0; i < 50000; ++i) functions += "SIN ";
-  EXPECT_NE(klartext_refusal(functions + "\n").find("100 nested brackets"), std::string::npos);
-  EXPECT_NE(klartext_refusal("CYCL DEF 200 D Q200=1 Q201=-10 Q206=1 Q202=0.00001 Q203=0 Q204=1\n"
-                             "L X+0 FMAX M99\n")
-                .find("1e5 infeeds"),
-            std::string::npos);
+  EXPECT_HAS(klartext_refusal(functions + "\n"), "100 nested brackets");
+  EXPECT_HAS(klartext_refusal("CYCL DEF 200 D Q200=1 Q201=-10 Q206=1 Q202=0.00001 Q203=0 Q204=1\n"
+                              "L X+0 FMAX M99\n"),
+             "1e5 infeeds");
   with.limits.variables = 10;
   std::string many;
   for (int i = 0; i < 20; ++i) many += fmt::format("Q{} = 1\n", i);
-  EXPECT_NE(klartext_refusal(many, with).find("at most 10 parameters"), std::string::npos);
+  EXPECT_HAS(klartext_refusal(many, with), "at most 10 parameters");
 }
 
 TEST(Heidenhain, CalledProgramsStandBesideTheProgram) {
@@ -441,10 +405,8 @@ TEST(Heidenhain, CalledProgramsStandBesideTheProgram) {
   EXPECT_EQ(path.blocks[0].file, 1);
   EXPECT_EQ(path.blocks[0].line, 2);
   EXPECT_EQ(path.blocks[1].end[2], 1.0);
-  EXPECT_NE(klartext_refusal("CALL PGM hole.h\nQ1 = QL1\n", with).find("part.h:2:6"),
-            std::string::npos);
-  EXPECT_NE(klartext_refusal("CALL PGM other\n", with).find("other.h next to this one"),
-            std::string::npos);
+  EXPECT_HAS(klartext_refusal("CALL PGM hole.h\nQ1 = QL1\n", with), "part.h:2:6");
+  EXPECT_HAS(klartext_refusal("CALL PGM other\n", with), "other.h next to this one");
   fs::remove_all(folder);
 }
 
@@ -455,9 +417,7 @@ TEST(Heidenhain, SurvivesWhatIsNoProgram) {
     if (entry.path().filename().string().starts_with("heidenhain_"))
       texts.push_back(klartext_machines::file_text((entry.path() / "program.nc").string()));
   ASSERT_GE(texts.size(), 5u);
-  const unsigned seed = 20640;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20640);
   const auto below = [&](std::size_t n) { return n == 0 ? 0 : std::size_t(random() % n); };
   ReadOptions with = klartext_options();
   with.limits.blocks = 2000;
@@ -537,8 +497,8 @@ TEST(Heidenhain, FeedsOfCyclesAreReadAsATncWritesThem) {
         }
       }
     }
-  EXPECT_NE(klartext_refusal(program("FZ0.1", "MAX")).find("number of teeth"), std::string::npos);
-  EXPECT_NE(klartext_refusal("CYCL DEF 201 Q200=+2 Q201=MAX\n").find("a number"), std::string::npos)
+  EXPECT_HAS(klartext_refusal(program("FZ0.1", "MAX")), "number of teeth");
+  EXPECT_HAS(klartext_refusal("CYCL DEF 201 Q200=+2 Q201=MAX\n"), "a number")
       << "a depth is no feed";
 }
 

@@ -1,19 +1,11 @@
 // What a program may ask of its reader: how deep it nests, how many moves it makes, in which
 // encoding it stands, and what of its input errors is said.
 
-#include <algorithm>
-#include <chrono>
-#include <filesystem>
-#include <fstream>
-#include <functional>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
 #include "kinematics/text.h"
 #include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"
+#include "tests/test.h"
 
 namespace abbe::sim::dialects {
 namespace {
@@ -149,7 +141,7 @@ TEST(ProgramLimits, LoopsLabelsAndCallsOfAnyDepthEnd) {
   errors_of(ifs, limits_options(Dialect::LinuxCnc));
   const auto too_many = errors_of(repeats, limits_options(Dialect::LinuxCnc));
   ASSERT_FALSE(too_many.empty());
-  EXPECT_NE(too_many[0].expected.find("nested"), std::string::npos);
+  EXPECT_HAS(too_many[0].expected, "nested");
   EXPECT_FALSE(errors_of(siemens, limits_options(Dialect::Siemens)).empty());
   errors_of(labels, limits_options(Dialect::Heidenhain));
   for (const auto& [dialect, text] : std::vector<std::pair<Dialect, std::string>>{
@@ -160,7 +152,7 @@ TEST(ProgramLimits, LoopsLabelsAndCallsOfAnyDepthEnd) {
            {Dialect::Heidenhain, "LBL 1\nCALL LBL 1\nLBL 0\n"}}) {
     const auto errors = errors_of(text, limits_options(dialect));
     ASSERT_FALSE(errors.empty()) << text;
-    EXPECT_NE(errors[0].expected.find("nested calls"), std::string::npos) << errors[0].what();
+    EXPECT_HAS(errors[0].expected, "nested calls") << errors[0].what();
   }
 }
 
@@ -221,7 +213,7 @@ TEST(ProgramLimits, MovesOfCyclesAndRepeatsCount) {
     options.control.max_moves = options.limits.blocks = 5000;
     const auto errors = errors_of(one.text, options);
     ASSERT_EQ(errors.size(), 1u);
-    EXPECT_NE(errors[0].expected.find("max_moves"), std::string::npos) << errors[0].what();
+    EXPECT_HAS(errors[0].expected, "max_moves") << errors[0].what();
     EXPECT_GE(errors[0].line, 1);
     if (one.line > 0) {
       EXPECT_EQ(errors[0].line, one.line);
@@ -249,7 +241,7 @@ TEST(ProgramLimits, MemoryOfMovesIsALimitOfItsOwn) {
                            "F100\no1 repeat [1000000]\nG91 G1 X1\nX-1\no1 endrepeat\n"}) {
     const auto errors = errors_of(text, options);
     ASSERT_EQ(errors.size(), 1u) << text;
-    EXPECT_NE(errors[0].expected.find("1 MB"), std::string::npos) << errors[0].what();
+    EXPECT_HAS(errors[0].expected, "1 MB") << errors[0].what();
   }
   // of what is given away as it is made nothing is kept
   std::size_t moves = 0;
@@ -325,12 +317,12 @@ TEST(ProgramEncoding, IsOneErrorThatNamesIt) {
                                   Dialect::Siemens, Dialect::Heidenhain, Dialect::Cl}) {
       const auto errors = errors_of(text, limits_options(dialect));
       ASSERT_EQ(errors.size(), 1u) << name;
-      EXPECT_NE(errors[0].seen.find(name), std::string::npos) << errors[0].what();
+      EXPECT_HAS(errors[0].seen, name) << errors[0].what();
     }
   const std::string umlauts = "\xc4X1\n\xd6X2\n\xdcX3\n";
   const auto latin = errors_of(umlauts, limits_options(Dialect::LinuxCnc));
   ASSERT_EQ(latin.size(), 1u);
-  EXPECT_NE(latin[0].seen.find("Latin-1"), std::string::npos) << latin[0].what();
+  EXPECT_HAS(latin[0].seen, "Latin-1") << latin[0].what();
   EXPECT_TRUE(
       errors_of("(\xc4\xd6\xdc)\nG1 X1 F100\n(\xdf)\n", limits_options(Dialect::LinuxCnc)).empty())
       << "a comment may have any letters";
@@ -399,7 +391,7 @@ TEST(OtherDialect, IsNamedWhereItReadsTheFileWithFewerErrors) {
       "G21 G90 G80\nG0 X0 Y0\nG28 G91 Z0\nG90\nG1 X1. F100.\nG4 P500\n#3006=1\nM30\n";
   const auto errors = errors_of(fanuc, options);
   if (!errors.empty()) {
-    EXPECT_NE(errors.back().expected.find("dialect"), std::string::npos) << errors.back().what();
+    EXPECT_HAS(errors.back().expected, "dialect") << errors.back().what();
   }
   const auto klartext = errors_of("L X+10 Y+5 R0 F100\nL X+20 R0\nCC X+0 Y+0\n", options);
   ASSERT_GE(klartext.size(), 2u);

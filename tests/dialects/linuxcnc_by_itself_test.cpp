@@ -1,14 +1,6 @@
 // `interpreter = "linuxcnc"`: programs read by LinuxCNC's own interpreter become the same blocks as
 // abbe's own front end makes of them, and whatever it does ends in a fault with its place.
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <chrono>
-#include <cstdlib>
-#include <map>
-#include <thread>
-
 #include "sim/dialects/linuxcnc/rs274.h"
 #include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
@@ -17,11 +9,11 @@
 #include "tests/dialects/linuxcnc_programs.h"
 #include "tests/injured.h"
 #include "tests/program/machines.h"
+#include "tests/test.h"
 
 namespace abbe::sim::dialects {
 namespace {
 
-namespace fs = std::filesystem;
 namespace machines = program::test;
 using program::Block;
 using program::Interpolation;
@@ -51,12 +43,7 @@ ParsedProgram by_linuxcnc(const std::string& text, ReadOptions options) {
 }
 
 std::string error_text(const std::string& text, const ReadOptions& options) {
-  try {
-    by_linuxcnc(text, options);
-  } catch (const BadInput& fault) {
-    return fault.what();
-  }
-  return "none";
+  return thrown_text<BadInput>([&] { by_linuxcnc(text, options); }, "none");
 }
 
 /// What differs, none if nothing does; and by how much at most.
@@ -305,10 +292,8 @@ TEST(LinuxCncByItself, OffsetsOfTheSceneAndThePlaceOfTheAxesAreItsOwn) {
   const Difference found = difference_of(ours, by_linuxcnc(text, options).path);
   EXPECT_EQ(found.text, "");
   std::cout << ours.blocks.size() << " blocks within " << found.off << "\n";
-  EXPECT_NE(error_text("G10 L2 P1 X5\nG0 X1\nM2\n", options).find("part.ngc:1: expected neither"),
-            std::string::npos);
-  EXPECT_NE(error_text("G0 X1\nG0 X#5221\nM2\n", options).find("part.ngc:2: expected neither"),
-            std::string::npos);
+  EXPECT_HAS(error_text("G10 L2 P1 X5\nG0 X1\nM2\n", options), "part.ngc:1: expected neither");
+  EXPECT_HAS(error_text("G0 X1\nG0 X#5221\nM2\n", options), "part.ngc:2: expected neither");
 }
 
 /// What is in a folder while its name lives; TMPDIR leads into it.
@@ -351,8 +336,8 @@ TEST(LinuxCncByItself, SubprogramsInFilesOfTheirOwnKeepTheirLines) {
   EXPECT_EQ(theirs.blocks[1].line, 3);
   std::ofstream(folder.path() / "edge.ngc") << "o<edge> sub\n\nG1 Z-1 F100\nG12\no<edge> endsub\n";
   const std::string fault = error_text(text, options);
-  EXPECT_NE(fault.find((folder.path() / "edge.ngc").string() + ":4: "), std::string::npos) << fault;
-  EXPECT_NE(fault.find("Unknown g code"), std::string::npos) << fault;
+  EXPECT_HAS(fault, (folder.path() / "edge.ngc").string() + ":4: ");
+  EXPECT_HAS(fault, "Unknown g code");
 }
 
 TEST(LinuxCncByItself, WhatItRefusesIsAFaultWithItsPlaceAndItsMessage) {
@@ -369,7 +354,7 @@ TEST(LinuxCncByItself, WhatItRefusesIsAFaultWithItsPlaceAndItsMessage) {
   };
   for (const auto& [text, expected] : programs) {
     const std::string fault = error_text(text, options);
-    EXPECT_NE(fault.find(expected), std::string::npos) << text << fault;
+    EXPECT_HAS(fault, expected) << text;
   }
 }
 
@@ -396,24 +381,22 @@ TEST(LinuxCncByItself, WhatItCannotGiveIsRefusedByName) {
   };
   for (const auto& [text, expected] : programs) {
     const std::string fault = error_text(text, options);
-    EXPECT_NE(fault.find(expected), std::string::npos) << text << fault;
+    EXPECT_HAS(fault, expected) << text;
   }
   EXPECT_EQ(error_text("G21 G43 H1\nG20\nG0 Z1\nG21\nG53 G0 Z0\nM2\n", options), "none");
-  EXPECT_NE(error_text("G0 X1 (" + std::string(300, 'a') + ")\nM2\n", options)
-                .find("part.ngc:1: expected at most 252 characters"),
-            std::string::npos);
+  EXPECT_HAS(error_text("G0 X1 (" + std::string(300, 'a') + ")\nM2\n", options),
+             "part.ngc:1: expected at most 252 characters");
   ReadOptions three;
   three.control = machines::options_for(machines::three_axis());
   three.dialect = Dialect::LinuxCnc;
   const std::string fault = error_text("G0 X1\nG0 A5\nG0 X2\nG1 X3\nM2\n", three);
-  EXPECT_NE(fault.find("part.ngc:2: expected an axis of this machine (X Y Z)"), std::string::npos);
+  EXPECT_HAS(fault, "part.ngc:2: expected an axis of this machine (X Y Z)");
   EXPECT_EQ(fault.find("part.ngc:3: "), std::string::npos) << fault;
-  EXPECT_NE(fault.find("part.ngc:4: expected a block"), std::string::npos) << fault;
+  EXPECT_HAS(fault, "part.ngc:4: expected a block");
   ReadOptions any = six_axes();
   any.dialect = Dialect::Auto;
-  EXPECT_NE(
-      error_text("O1001\nG65 P9010 A1\nM30\n", any).find("part.ngc:1: expected a LinuxCNC program"),
-      std::string::npos);
+  EXPECT_HAS(error_text("O1001\nG65 P9010 A1\nM30\n", any),
+             "part.ngc:1: expected a LinuxCNC program");
 }
 
 TEST(LinuxCncByItself, ProgramsStartNothingAndReadNothingElsewhere) {
@@ -436,12 +419,12 @@ TEST(LinuxCncByItself, ProgramsStartNothingAndReadNothingElsewhere) {
                                             ";" + python + std::string(400, ' ')};
   for (const std::string& line : escapes) {
     const std::string fault = error_text("G0 X1\n" + line + "\nM2\n", options);
-    EXPECT_NE(fault.find("part.ngc:2: expected"), std::string::npos) << line << "\n" << fault;
+    EXPECT_HAS(fault, "part.ngc:2: expected") << line;
     EXPECT_FALSE(fs::exists(written)) << line;
   }
   options.subprogram_folder = folder.path();
   const std::string fault = error_text("G0 X1\no<sub> call\nM2\n", options);
-  EXPECT_NE(fault.find("sub.ngc:4: expected no Python"), std::string::npos) << fault;
+  EXPECT_HAS(fault, "sub.ngc:4: expected no Python");
   EXPECT_EQ(error_text("G0 X1 (logopen," + written.string() + ")\n(log,x)\nM2\n", options), "none");
   EXPECT_FALSE(fs::exists(written));
 }
@@ -452,7 +435,7 @@ TEST(LinuxCncByItself, ProgramsWithoutEndEndByTheLimits) {
                              const char* expected) {
     const auto start = std::chrono::steady_clock::now();
     const std::string fault = error_text(text, options);
-    EXPECT_NE(fault.find(expected), std::string::npos) << text << fault;
+    EXPECT_HAS(fault, expected) << text;
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   };
   ReadOptions options = six_axes();
@@ -525,7 +508,7 @@ TEST(LinuxCncByItself, InjuredProgramsEndInBlocksOrFaults) {
       theirs = by_linuxcnc(text, options).path;
     } catch (const BadInput& fault) {
       ++refused;
-      EXPECT_NE(std::string(fault.what()).find("part.ngc"), std::string::npos) << fault.what();
+      EXPECT_HAS(fault.what(), "part.ngc");
       continue;
     }
     ++taken;
@@ -547,7 +530,7 @@ TEST(LinuxCncByItself, WithoutItTheFaultSaysHowToGetIt) {
     unsetenv("ABBE_LINUXCNC");
   else
     setenv("ABBE_LINUXCNC", before.c_str(), 1);
-  EXPECT_NE(fault.find("./abbe setup --linuxcnc"), std::string::npos) << fault;
+  EXPECT_HAS(fault, "./abbe setup --linuxcnc");
 }
 
 }  // namespace

@@ -1,29 +1,13 @@
 #pragma once
 
 #include <sys/wait.h>
-
-#include <array>
-#include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <optional>
-#include <sstream>
-#include <stdexcept>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-
 #include "sim/dialects/linuxcnc/rs274.h"
+#include "tests/test.h"
 
 /// LinuxCNC's own interpreter as an oracle: a separate process, started and read without what
 /// `read_by_linuxcnc` does it with. Only where it is (`./abbe setup --linuxcnc`, or what the
 /// environment variable ABBE_LINUXCNC names) and the library for its digits are shared.
 namespace abbe::sim::dialects::test {
-
-namespace fs = std::filesystem;
 
 inline std::optional<fs::path> packages() { return find_linuxcnc(); }
 

@@ -1,15 +1,8 @@
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-
-#include "kinematics/units.h"
 #include "sim/program/path.h"
 #include "tests/dialects/linuxcnc_interpreter.h"
+#include "tests/test.h"
 
 /// Moves of abbe beside those of LinuxCNC.
 namespace abbe::sim::dialects::test {

@@ -1,21 +1,14 @@
 // Programs read by LinuxCNC's interpreter and by abbe: the same moves, offsets applied.
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
 #include <cctype>
-#include <cmath>
-#include <cstdlib>
-#include <map>
 #include <regex>
-#include <set>
-
 #include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "tests/dialects/linuxcnc_interpreter.h"
 #include "tests/dialects/linuxcnc_moves.h"
 #include "tests/dialects/linuxcnc_programs.h"
 #include "tests/program/machines.h"
+#include "tests/test.h"
 
 namespace abbe::sim::dialects {
 namespace {

@@ -1,10 +1,6 @@
 #pragma once
 
-#include <cmath>
-#include <random>
-#include <string>
-
-#include <fmt/format.h>
+#include "tests/test.h"
 
 /// Random programs of LinuxCNC.
 namespace abbe::sim::dialects::test {

@@ -1,26 +1,16 @@
 // The rules of controls for vectors of the tool and near a pole (`pole` of [program]).
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <iostream>
-#include <random>
-
-#include <fmt/format.h>
-#include <Eigen/Geometry>
-
 #include "kinematics/inverse_kinematics.h"
-#include "kinematics/units.h"
 #include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "sim/dialects/tool_vectors.h"
 #include "tests/program/machines.h"
+#include "tests/test.h"
 
 namespace abbe::sim::dialects::pole_tests {
 namespace {
 
 namespace pole_machines = program::test;
-using Eigen::Vector3d;
 using kinematics::AxisVector;
 using kinematics::Chain;
 using kinematics::Motion;
@@ -46,12 +36,7 @@ ReadOptions pole_options(Dialect dialect, const PoleOptions& pole,
 }
 
 std::string pole_refusal(const std::string& text, const ReadOptions& options) {
-  try {
-    read_program(text, "part.nc", options);
-  } catch (const BadInput& fault) {
-    return fault.what();
-  }
-  return "accepted";
+  return thrown_text<BadInput>([&] { read_program(text, "part.nc", options); }, "accepted");
 }
 
 Vector3d tool(const Chain& chain, const AxisVector& q) {
@@ -315,10 +300,9 @@ TEST(PoleOfPrograms, FanucAsksForAxesAtRightAngles) {
   const std::string text =
       cl_program(tool(inclined, rotary(20, 10)), tool(inclined, rotary(80, 20)));
   const std::string said = pole_refusal(text, pole_options(Dialect::Cl, by_fanuc(2, 10), inclined));
-  EXPECT_NE(said.find("expected a machine with two rotary axes perpendicular to each other and to "
-                      "the tool, with pole = \"fanuc\""),
-            std::string::npos)
-      << said;
+  EXPECT_HAS(said,
+             "expected a machine with two rotary axes perpendicular to each other and to "
+             "the tool, with pole = \"fanuc\"");
 }
 
 TEST(PoleOfPrograms, ABlockThatFollowsNoGreatCircleIsRefused) {
@@ -327,10 +311,9 @@ TEST(PoleOfPrograms, ABlockThatFollowsNoGreatCircleIsRefused) {
   const Vector3d from = tool(gantry, rotary(0, 10)), to = tool(gantry, rotary(179.99, 8));
   const std::string said =
       pole_refusal(cl_program(from, to), pole_options(Dialect::Cl, {PoleRule::Siemens}));
-  EXPECT_NE(said.find("part.nc:6:1: expected a tool rotation on a great circle that the rotary "
-                      "axes can follow"),
-            std::string::npos)
-      << said;
+  EXPECT_HAS(said,
+             "part.nc:6:1: expected a tool rotation on a great circle that the rotary "
+             "axes can follow");
 }
 
 // ---- G43.4 with the table turned
@@ -349,10 +332,9 @@ TEST(TurnedTable, IsWarnedOfWhereG434Begins) {
             "G43.4 on line 5 starts with the table rotated (C45): X Y Z are counted in the "
             "workpiece with its table at zero; a control with parameter 19696.5 WKP = 0 counts in "
             "the coordinate system as it is on the table at that moment");
-  EXPECT_NE(
-      warnings(turned_table("G43.5", "C-30."))[0].find("G43.5 on line 5 starts with the table "
-                                                       "rotated (C-30)"),
-      std::string::npos);
+  EXPECT_HAS(warnings(turned_table("G43.5", "C-30."))[0],
+             "G43.5 on line 5 starts with the table "
+             "rotated (C-30)");
   EXPECT_TRUE(warnings(turned_table("G43.4", "C0 A10.")).empty()) << "the head is no table";
   EXPECT_TRUE(warnings(turned_table("G43.4", "C360.")).empty()) << "a whole turn";
 }

@@ -1,27 +1,15 @@
 // What a work offset means: the rule of sim/program/README.md, held against the forward chain.
 
-#include <gtest/gtest.h>
-
-#include <Eigen/Geometry>
-
-#include <cmath>
-#include <iostream>
-#include <random>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/units.h"
 #include "sim/dialects/read_program.h"
 #include "sim/program/block_motion.h"
 #include "sim/program/rewrite.h"
 #include "tests/program/machines.h"
+#include "tests/test.h"
 
 namespace abbe::sim::dialects::zero_tests {
 namespace {
 
 namespace machines = program::test;
-using Eigen::Vector3d;
 using machines::AxisVector;
 using machines::Chain;
 
@@ -152,12 +140,7 @@ TEST(ProgramZero, TheExternalOffsetOfFanucIsBelowTheOthers) {
 TEST(ProgramZero, AnOffsetThatTheTableHasNotIsRefused) {
   program::NcOptions control = machines::options_for(machines::gantry());
   const auto refusal = [&](const char* text, Dialect dialect) -> std::string {
-    try {
-      path_of(text, dialect, control);
-    } catch (const BadInput& fault) {
-      return fault.what();
-    }
-    return "read";
+    return thrown_text<BadInput>([&] { path_of(text, dialect, control); }, "read");
   };
   const auto preset = [](int number) {
     return fmt::format("TOOL CALL 1 Z S100\nCYCL DEF 247 PRESET SELECT ~\n Q339=+{} ;PRESET\n",
@@ -167,12 +150,11 @@ TEST(ProgramZero, AnOffsetThatTheTableHasNotIsRefused) {
   EXPECT_EQ(refusal("G508\n", Dialect::Siemens),
             "part.nc:1:1: expected G54 to G57, G505 or G506, or an offset from the control's table "
             "(`offsets`): $P_UIFR[8], seen G508");
-  EXPECT_NE(refusal("G600\n", Dialect::Siemens).find("G600"), std::string::npos);
+  EXPECT_HAS(refusal("G600\n", Dialect::Siemens), "G600");
   for (const int number : {0, 8, 10'000, 32'000})
-    EXPECT_NE(refusal(preset(number).c_str(), Dialect::Heidenhain)
-                  .find("expected a preset from 1 to 6, which are G54 to G59 of the scene, or a "
-                        "preset of the control's table (`offsets`)"),
-              std::string::npos)
+    EXPECT_HAS(refusal(preset(number).c_str(), Dialect::Heidenhain),
+               "expected a preset from 1 to 6, which are G54 to G59 of the scene, or a "
+               "preset of the control's table (`offsets`)")
         << number;
 }
 
@@ -217,14 +199,11 @@ TEST(ProgramZero, UnderTipKinematicsTheLengthIsThatOfTheTool) {
     EXPECT_EQ(path.blocks.back().coordinates, program::Coordinates::Tip);
     EXPECT_LT((tip_at_end(path, chain) - Vector3d(1, 2, 3)).norm(), 1e-12);
   }
-  try {
-    path_of("G43 H2\nM428\n", Dialect::LinuxCnc, control);
-    FAIL() << "a length of 50 mm for a tool of 100";
-  } catch (const BadInput& fault) {
-    EXPECT_EQ(std::string(fault.what()),
-              "part.nc:2:1: expected the tool length of the scene with M428, from which the tip is "
-              "computed, seen 50 mm");
-  }
+  const std::string said =
+      thrown_text<BadInput>([&] { path_of("G43 H2\nM428\n", Dialect::LinuxCnc, control); });
+  EXPECT_EQ(said,
+            "part.nc:2:1: expected the tool length of the scene with M428, from which the tip is "
+            "computed, seen 50 mm");
 }
 
 TEST(ProgramZero, OriginsThatAreSetByPositionAreThere) {

@@ -1,16 +1,13 @@
 #pragma once
 
-#include <string>
-
-#include "kinematics/bad_input.h"
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"
+#include "tests/test.h"
 
 /// What the tests of Siemens programs share.
 namespace abbe::sim::dialects::siemens_test {
 
 namespace machines = program::test;
-using Eigen::Vector3d;
 
 /// The gantry with its table 30 mm below the tip at zero and off its middle.
 inline machines::Chain low_gantry() {
@@ -34,12 +31,7 @@ inline program::Path siemens_path(const std::string& text,
 
 inline std::string siemens_refusal(const std::string& text,
                                    const ReadOptions& with = siemens_options()) {
-  try {
-    read_program(text, "part.mpf", with);
-  } catch (const BadInput& fault) {
-    return fault.what();
-  }
-  return "accepted";
+  return thrown_text<BadInput>([&] { read_program(text, "part.mpf", with); }, "accepted");
 }
 
 }  // namespace abbe::sim::dialects::siemens_test

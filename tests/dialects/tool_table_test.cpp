@@ -1,16 +1,10 @@
 // What the control believes of its tools and offsets, by its tables, and what the true tools cut;
 // and cutters that wear.
 
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
 #include "sim/cut/cut.h"
 #include "sim/cut/tool_use.h"
 #include "tests/sim/odd_scenes.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
@@ -118,14 +112,7 @@ class ToolTable : public testing::Test {
   }
   std::string refusal(const std::string& tools, const char* part,
                       const std::string& program) const {
-    try {
-      prepare(scene(tools, part, program));
-      return "";
-    } catch (const BadScene& input_errors) {
-      return input_errors.what();
-    } catch (const BadInput& fault) {
-      return fault.what();
-    }
+    return thrown_text<BadScene, BadInput>([&] { prepare(scene(tools, part, program)); });
   }
   SceneFolder folder_;
 };
@@ -218,13 +205,13 @@ TEST_F(ToolTable, ALengthIsBelievedWhereTheTipIsCommanded) {
     range_of(right);
     range_of(wrong);
     // the ball's cylinder along x, its centre moved along the axis of the tool
-    const Eigen::Vector3d axis = job.T_wt_nominal.back().linear().col(2);
+    const Vector3d axis = job.T_wt_nominal.back().linear().col(2);
     const auto height = [&](double y, double more) {
-      const Eigen::Vector3d centre = Eigen::Vector3d(0, 0, 0.1) + (5.0 + more) * axis;
+      const Vector3d centre = Vector3d(0, 0, 0.1) + (5.0 + more) * axis;
       return centre.z() - std::sqrt(25.0 - std::pow(y - centre.y(), 2));
     };
     double off = 0.0;
-    for (Eigen::Index i = 0; i < wrong.residual.size(); ++i) {
+    for (Index i = 0; i < wrong.residual.size(); ++i) {
       const double y = job.design_w.vertices(i, 1);
       off = std::max(off, std::abs(wrong.residual[i] - height(y, 0.004)));
       off = std::max(off, std::abs(right.residual[i] - height(y, 0.0)));
@@ -239,8 +226,8 @@ TEST_F(ToolTable, AToolThatTheTableHasNotIsRefusedAsTheControlDoes) {
     SCOPED_TRACE(control.name);
     const std::string said =
         refusal(tool(7), wall, on_control(control, 8, 100.0, 5.0, wall_program(control, 7)));
-    EXPECT_NE(said.find(std::string("p") + control.ending + ":"), std::string::npos) << said;
-    EXPECT_NE(said.find("tool"), std::string::npos) << said;
+    EXPECT_HAS(said, std::string("p") + control.ending + ":");
+    EXPECT_HAS(said, "tool");
   }
 }
 
@@ -248,26 +235,20 @@ TEST_F(ToolTable, FaultsOfATableStandWithThoseOfTheScene) {
   folder_.write("p.ngc", wall_program(linuxcnc, 7));
   folder_.write("tool.tbl", "T7 P1 Z100 D10\nT8 P2 Z1O\n");
   const std::string program = "file = \"p.ngc\"\ntools = { file = \"tool.tbl\", unit = \"mm\" }\n";
-  EXPECT_NE(refusal(tool(7), wall, program).find("tool.tbl:2:8: expected a number for Z"),
-            std::string::npos)
-      << refusal(tool(7), wall, program);
+  EXPECT_HAS(refusal(tool(7), wall, program), "tool.tbl:2:8: expected a number for Z");
   folder_.write("tool.tbl", "T7 P1 Z100 D10\n");
-  EXPECT_NE(refusal(tool(7), wall, "file = \"p.ngc\"\ntools = { file = \"tool.tbl\" }\n")
-                .find("tool.tbl:1:7: expected a unit"),
-            std::string::npos);
-  EXPECT_NE(refusal(tool(7), wall, program + "tool_length_mm = { 2 = 80 }\n")
-                .find("either tool_length_mm or"),
-            std::string::npos);
+  EXPECT_HAS(refusal(tool(7), wall, "file = \"p.ngc\"\ntools = { file = \"tool.tbl\" }\n"),
+             "tool.tbl:1:7: expected a unit");
+  EXPECT_HAS(refusal(tool(7), wall, program + "tool_length_mm = { 2 = 80 }\n"),
+             "either tool_length_mm or");
   folder_.write("o.var", "5224 10\n");
-  EXPECT_NE(
-      refusal(tool(7), wall, "file = \"p.ngc\"\noffsets = { file = \"o.var\", unit = \"mm\" }\n")
-          .find("o.var:1:6: expected an offset of an axis of this machine"),
-      std::string::npos);
-  EXPECT_NE(refusal("[tool]\nkind = \"flat\"\nradius_mm = 5\nflank_length_mm = 25\nlength_mm = "
-                    "100\n",
-                    wall, program)
-                .find("tool.number of every tool"),
-            std::string::npos);
+  EXPECT_HAS(
+      refusal(tool(7), wall, "file = \"p.ngc\"\noffsets = { file = \"o.var\", unit = \"mm\" }\n"),
+      "o.var:1:6: expected an offset of an axis of this machine");
+  EXPECT_HAS(refusal("[tool]\nkind = \"flat\"\nradius_mm = 5\nflank_length_mm = 25\nlength_mm = "
+                     "100\n",
+                     wall, program),
+             "tool.number of every tool");
 }
 
 /// A plunge of 5 mm and a pass of 40 mm along x over the floor.
@@ -287,7 +268,7 @@ TEST_F(ToolTable, LengthWearIsTheClosedForm) {
   const cutting::Surface surface = cut(job).surface;
   const double slope = lost / (plunge + pass);
   double off = 0.0;
-  for (Eigen::Index i = 0; i < surface.residual.size(); ++i) {
+  for (Index i = 0; i < surface.residual.size(); ++i) {
     ASSERT_EQ(surface.status[std::size_t(i)], VertexStatus::Cut);
     const double x = job.design_w.vertices(i, 0), y = job.design_w.vertices(i, 1);
     const double z = slope * (plunge + x + 20.0) + radius -
@@ -315,7 +296,7 @@ TEST_F(ToolTable, RadiusWearIsWithinItsBound) {
   EXPECT_EQ(made.wear[0].within, wear_tolerance);
   double off = 0.0, error_free = 0.0;
   const cutting::Surface perfect = cut_error_free(job).surface;
-  for (Eigen::Index i = 0; i < made.surface.residual.size(); ++i) {
+  for (Index i = 0; i < made.surface.residual.size(); ++i) {
     ASSERT_EQ(made.surface.status[std::size_t(i)], VertexStatus::Cut);
     const double y = job.design_w.vertices(i, 1);
     // of the three seconds, those until the cutter is beside the place

@@ -1,17 +1,8 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-
 #include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "sim/program/block_motion.h"
 #include "tests/dialects/lathe.h"
+#include "tests/test.h"
 
 /// Programs of turning controls. Every figure is worked out here, by closed form or by numerical
 /// integration, and not by what reads programs.
@@ -82,7 +73,7 @@ std::string assumptions_of(const ParsedProgram& program) {
 }
 
 void expect_assumption(const ParsedProgram& program, const std::string& part) {
-  EXPECT_NE(assumptions_of(program).find(part), std::string::npos) << assumptions_of(program);
+  EXPECT_HAS(assumptions_of(program), part);
 }
 
 /// Time of a feed per turn under constant surface speed, by the trapezoid rule over the path.
@@ -258,13 +249,13 @@ TEST(Turning, ToolOffsetsLeadTheTipToTheSpindleLine) {
 }
 
 /// Where the centre of the nose stands at the end of every block, (z, x).
-std::vector<Eigen::Vector2d> centres(const Path& path) {
-  std::vector<Eigen::Vector2d> places;
+std::vector<Vector2d> centres(const Path& path) {
+  std::vector<Vector2d> places;
   for (const Block& block : path.blocks) places.emplace_back(block.end[z], block.end[x]);
   return places;
 }
 
-void expect_place(const Eigen::Vector2d& seen, double at_z, double at_x) {
+void expect_place(const Vector2d& seen, double at_z, double at_x) {
   EXPECT_NEAR(seen.x(), at_z, 1e-9);
   EXPECT_NEAR(seen.y(), at_x, 1e-9);
 }
@@ -281,7 +272,7 @@ TEST(Turning, TheNoseIsLedByItsTipAndAlongContours) {
     SCOPED_TRACE(name_of(dialect));
     ReadOptions with = lathe_options(dialect);
     with.turning.tip_number = 3;  // X- Z- of the centre
-    const std::vector<Eigen::Vector2d> at = centres(read_program(text, "part.nc", with).path);
+    const std::vector<Vector2d> at = centres(read_program(text, "part.nc", with).path);
     ASSERT_GE(at.size(), 7u);
     expect_place(at[0], 5 + r, 20 + r);
     expect_place(at[1], -1 + r, 25 + r);
@@ -294,9 +285,7 @@ TEST(Turning, TheNoseIsLedByItsTipAndAlongContours) {
   }
   ReadOptions without = lathe_options(Dialect::Fanuc);
   without.control.tool_radius.clear();
-  EXPECT_NE(
-      all_of(input_errors("O1\nT0101\nG42 G1 X1. F0.1\n", without)).find("nose radius is known"),
-      std::string::npos);
+  EXPECT_HAS(all_of(input_errors("O1\nT0101\nG42 G1 X1. F0.1\n", without)), "nose radius is known");
 }
 
 TEST(Turning, CyclesOfOneCutAreExpanded) {
@@ -341,7 +330,7 @@ TEST(Turning, WhatIsNotReadIsRefusedByNameAndLine) {
   const auto refused = [](Dialect dialect, const std::string& text, const std::string& sentence) {
     const std::vector<std::string> all = input_errors(text, lathe_options(dialect));
     ASSERT_EQ(all.size(), 1u) << text << all_of(all);
-    EXPECT_NE(all[0].find(sentence), std::string::npos) << text << all[0];
+    EXPECT_HAS(all[0], sentence) << text;
     EXPECT_EQ(all[0].find("part.nc:2:"), 0u) << all[0];
   };
   const auto fanuc = [&](const std::string& line, const std::string& sentence) {
@@ -394,7 +383,7 @@ TEST(Turning, DiametersAreThoseOfTheDialect) {
       read(Dialect::Siemens, "G94 F100 G18 T1 D1 DIAMON\n" + to + "I-6 K-8\n").path;
   const Path absolute =
       read(Dialect::Siemens, "G94 F100 G18 T1 D1 DIAMON\n" + to + "I=AC(28) K=AC(-33)\n").path;
-  EXPECT_NEAR((relative.arcs[0].centre - Eigen::Vector2d(-33, 14)).norm(), 0, 1e-9);
+  EXPECT_NEAR((relative.arcs[0].centre - Vector2d(-33, 14)).norm(), 0, 1e-9);
   EXPECT_NEAR((absolute.arcs[0].centre - relative.arcs[0].centre).norm(), 0, 1e-9);
 
   ReadOptions with = lathe_options(Dialect::LinuxCnc);
@@ -464,7 +453,7 @@ TEST(Turning, ProgramsOfTurningControlsAreOneErrorOnAMill) {
     const std::vector<std::string> all = input_errors(text, mill);
     ASSERT_EQ(all.size(), 1u) << text << all_of(all);
     EXPECT_EQ(all[0].find(fmt::format("part.nc:{}:", line)), 0u) << all[0];
-    EXPECT_NE(all[0].find("control = \"turning\""), std::string::npos) << all[0];
+    EXPECT_HAS(all[0], "control = \"turning\"");
   }
   EXPECT_TRUE(
       input_errors("O1\nT0101 M6\nG96 S100 M3\nG97 S100\n(G50 S2000)\nM30\n", mill).empty());
@@ -475,7 +464,7 @@ TEST(Turning, ProgramsOfTurningControlsAreOneErrorOnAMill) {
   mill.dialect = Dialect::Siemens;
   const auto diameters = input_errors("T1 D1\nDIAMON\nG1 X5 F100\nM30\n", mill);
   ASSERT_EQ(diameters.size(), 1u);
-  EXPECT_NE(diameters[0].find("X is not a diameter on a milling control"), std::string::npos);
+  EXPECT_HAS(diameters[0], "X is not a diameter on a milling control");
 }
 
 TEST(Turning, ProgramsWithoutANumberAreRecognised) {

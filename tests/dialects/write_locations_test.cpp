@@ -1,15 +1,9 @@
-#include "sim/program/program_writers.h"
-
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <iostream>
-#include <random>
-
 #include "sim/dialects/read_program.h"
 #include "sim/program/block_motion.h"
 #include "sim/program/path_meter.h"
+#include "sim/program/program_writers.h"
 #include "tests/program/machines.h"
+#include "tests/test.h"
 
 namespace abbe::sim::dialects {
 namespace {
@@ -40,7 +34,7 @@ std::string written(const program::Path& path, const LocationOptions& options) {
 
 /// The tip in the workpiece and the tool axis at an instant.
 struct At {
-  Eigen::Vector3d tip, axis;
+  Vector3d tip, axis;
 };
 
 At at_time(const program::Path& path, double t) {
@@ -106,7 +100,7 @@ TEST(WriteLocations, ToolsSpindleCoolantAndFeedsAreStatements) {
   for (const char* one :
        {"UNITS/MM\n", "LOADTL/3\n", "COOLNT/ON\n", "SPINDL/3000,RPM,CLW\n", "FEDRAT/600,MMPM\n",
         "RAPID\nGOTO/40,10,20,0,0,1\n", "DELAY/1.5\n", "COOLNT/OFF\n", "MOVARC/"})
-    EXPECT_NE(text.find(one), std::string::npos) << one << "in\n" << text;
+    EXPECT_HAS(text, one);
   EXPECT_LT(text.find("LOADTL/3"), text.find("SPINDL/3000"));
 }
 
@@ -115,7 +109,7 @@ TEST(WriteLocations, CutterLocationsComeBackAsTheyWere) {
   std::uniform_real_distribution<double> unit(-1, 1);
   std::string text = "UNITS/MM\nFEDRAT/800\n";
   for (int i = 0; i < 200; ++i) {
-    Eigen::Vector3d axis(unit(random), unit(random), 0.3 + std::abs(unit(random)));
+    Vector3d axis(unit(random), unit(random), 0.3 + std::abs(unit(random)));
     axis.normalize();
     text += fmt::format("GOTO/{:.7f},{:.7f},{:.7f},{:.10f},{:.10f},{:.10f}\n", 80 * unit(random),
                         80 * unit(random), 80 * unit(random), axis.x(), axis.y(), axis.z());

@@ -1,24 +1,12 @@
 #include "errors/compliance.h"
-
-#include <cmath>
-#include <functional>
-#include <iostream>
-#include <limits>
-#include <random>
-
-#include <gtest/gtest.h>
-#include <Eigen/Geometry>
-
 #include "tests/errors/machines.h"
 #include "tests/errors/refusal.h"
 #include "tests/oracles/beam.h"
+#include "tests/test.h"
 
 namespace abbe::errors {
 namespace {
 
-using namespace literals;
-using Eigen::Matrix3d;
-using Eigen::Vector3d;
 using kinematics::AxisState;
 using kinematics::Chain;
 using kinematics::JointDeviation;
@@ -124,9 +112,7 @@ TEST(Cantilever, ALoadAboveTheTipErrsByItsStatedBoundAsAWrench) {
 }
 
 TEST(Cantilever, RandomStepsAgreeWithFiniteElements) {
-  const unsigned seed = 31;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(31);
   std::uniform_real_distribution<double> unit(0, 1);
   double worst = 0.0;
   for (int trial = 0; trial < 200; ++trial) {
@@ -292,19 +278,14 @@ TEST(ForcePart, OfAHeadAxisTurnsWithWhatCarriesIt) {
 TEST(ForcePart, DoesTheWorkOfItsLoadOnAnyMachine) {
   // Reciprocity holds the virtual work: what load 1 does on the displacement of load 2 is what
   // load 2 does on that of load 1, tool, fixture, wall and every joint included.
-  const unsigned seed = 7;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(7);
   std::uniform_real_distribution<double> unit(-1, 1);
-  const auto any = [&](int n) {
-    return Eigen::VectorXd::NullaryExpr(n, [&] { return unit(random); });
-  };
+  const auto any = [&](int n) { return VectorXd::NullaryExpr(n, [&] { return unit(random); }); };
   double worst = 0.0;
   for (const Chain& chain : {gantry(), turned_gantry(), platform(), head_head()}) {
     for (int trial = 0; trial < 50; ++trial) {
       const auto some = [&] {
-        Eigen::Matrix<double, 6, 6> A =
-            Eigen::MatrixXd::NullaryExpr(6, 6, [&] { return unit(random); });
+        Eigen::Matrix<double, 6, 6> A = MatrixXd::NullaryExpr(6, 6, [&] { return unit(random); });
         A.bottomRows<3>() *= 1e-2;
         return Compliance(1e-6 * A * A.transpose());
       };
@@ -487,9 +468,7 @@ TEST(Weight, OfToolAndPartBearsOnToolAndFixtureToo) {
 TEST(Weight, AgreesWithTheWorkOnDisplacedMasses) {
   // C^-1 delta must be the derivative of the work by the deviation, here by central differences of
   // the place of the mass, which rides as the tip of a chain that ends with its joint.
-  const unsigned seed = 99;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(99);
   std::uniform_real_distribution<double> unit(-1, 1);
   double worst = 0.0;
   for (const kinematics::DeviationAxes axes :

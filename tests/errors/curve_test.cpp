@@ -1,23 +1,9 @@
 #include "errors/curve.h"
-
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-#include <limits>
-#include <numbers>
-#include <random>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
 #include "tests/errors/numbers.h"
+#include "tests/test.h"
 
 namespace abbe::errors {
 namespace {
-
-using Eigen::VectorXd;
-using namespace abbe::literals;
 
 CurveState standing_at(double q, int direction = 0) { return {q, q, direction, 0, false}; }
 double value(const Shape& shape, double q, int direction = 0) {
@@ -86,9 +72,7 @@ TEST(Curve, ALinearTableIsExactAtItsRowsAndStraightBetween) {
 }
 
 TEST(Curve, EveryRowOfAnUnevenTableIsFound) {
-  const unsigned seed = 7;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(7);
   std::uniform_real_distribution<double> exponent(-6, 3);
   VectorXd q(500), y(500);
   double at_q = -300;
@@ -158,12 +142,8 @@ TEST(Curve, ATableIsNotContinuedUnlessItSaysSo) {
     EXPECT_THROW(value(strict, q), std::out_of_range) << q;
     EXPECT_THROW(slope(strict, q), std::out_of_range) << q;
   }
-  try {
-    value(strict, 12.5);
-    FAIL();
-  } catch (const std::out_of_range& fault) {
-    EXPECT_STREQ(fault.what(), "position 12.5 is outside the table (-10 to 10)");
-  }
+  const std::string said = thrown_text<std::out_of_range>([&] { value(strict, 12.5); });
+  EXPECT_EQ(said, "position 12.5 is outside the table (-10 to 10)");
   for (const TableInterpolation between :
        {TableInterpolation::Linear, TableInterpolation::Spline}) {
     const Table held =
@@ -187,12 +167,10 @@ TEST(Curve, ABadTableIsRefusedWithItsRow) {
   EXPECT_THROW(make_table(numbers({-1e308, 1e308}), numbers({1, 2})), std::invalid_argument);
   for (const auto& q : {numbers({1, 1}), numbers({2, 1}), numbers({0, -0.0})})
     EXPECT_THROW(make_table(q, numbers({1, 2})), std::invalid_argument);
-  try {
+  const std::string said = thrown_text<std::invalid_argument>([&] {
     make_table(numbers({0, 5, 4}), numbers({1, 2, 3}));
-    FAIL();
-  } catch (const std::invalid_argument& fault) {
-    EXPECT_STREQ(fault.what(), "row 3: expected a position above 5, seen 4");
-  }
+  });
+  EXPECT_EQ(said, "row 3: expected a position above 5, seen 4");
 }
 
 TEST(Curve, AShapeThatBreaksItsFieldsIsRefused) {
@@ -268,9 +246,7 @@ TEST(Curve, NegateAndScaleMultiplyValueAndSlope) {
 // ---- slope
 
 TEST(Curve, TheSlopeIsTheDifferenceQuotient) {
-  const unsigned seed = 11;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(11);
   std::uniform_real_distribution<double> unit(-1, 1);
   VectorXd q(40), y(40);
   for (int i = 0; i < 40; ++i) {
@@ -389,7 +365,7 @@ Moments moments(const VectorXd& z) {
   m.lag = (d.head(z.size() - 1) * d.tail(z.size() - 1)).sum() / d.square().sum();
   VectorXd sorted = z;
   std::sort(sorted.begin(), sorted.end());
-  for (Eigen::Index i = 0; i < z.size(); ++i) {
+  for (Index i = 0; i < z.size(); ++i) {
     const double F = 0.5 * std::erfc(-sorted[i] / std::numbers::sqrt2);
     m.ks = std::max({m.ks, std::abs(F - double(i) / n), std::abs(F - double(i + 1) / n)});
   }

@@ -1,20 +1,9 @@
 #include "errors/element_table.h"
-
-#include <fstream>
-#include <iostream>
-#include <random>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/units.h"
+#include "errors/element.h"
+#include "tests/test.h"
 
 namespace abbe::errors {
 namespace {
-
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-using namespace abbe::literals;
 
 ElementTable read_table(std::string_view text) { return read_element_table(text, "x.csv"); }
 
@@ -176,9 +165,7 @@ TEST(ElementTable, ALineOfManyMillionSeparatorsIsRefused) {
 // Every text, however spoilt, is either refused as bad input or gives a table that keeps its
 // promises.
 TEST(ElementTable, SpoiltTextsAreRefusedOrGiveASoundTable) {
-  const unsigned seed = 99;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(99);
   const std::string good =
       "# a table\nX,EXX,EYX_um,EAX\n-10,0.001,2,1e-6\n0,0.002,3,2e-6\n10,0,0,0\n";
   int accepted = 0;
@@ -205,7 +192,7 @@ TEST(ElementTable, SpoiltTextsAreRefusedOrGiveASoundTable) {
       ++accepted;
       ASSERT_GE(table.q.size(), 2);
       ASSERT_EQ(table.values.rows(), table.q.size());
-      ASSERT_EQ(table.values.cols(), Eigen::Index(table.elements.size()));
+      ASSERT_EQ(table.values.cols(), Index(table.elements.size()));
       ASSERT_NO_THROW(to_elements(table)) << text;
     } catch (const BadInput& fault) {
       ASSERT_EQ(fault.file, "x.csv");
@@ -220,11 +207,11 @@ TEST(ElementTable, SpoiltTextsAreRefusedOrGiveASoundTable) {
 
 class ElementTableFile : public testing::Test {
  protected:
-  std::filesystem::path folder_ =
-      std::filesystem::path(testing::TempDir()) /
+  fs::path folder_ =
+      fs::path(testing::TempDir()) /
       (std::string("abbe_") + testing::UnitTest::GetInstance()->current_test_info()->name());
-  void SetUp() override { std::filesystem::create_directories(folder_); }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
+  void SetUp() override { fs::create_directories(folder_); }
+  void TearDown() override { fs::remove_all(folder_); }
 };
 
 TEST_F(ElementTableFile, AFileIsReadAsItsText) {
@@ -233,13 +220,8 @@ TEST_F(ElementTableFile, AFileIsReadAsItsText) {
   EXPECT_EQ(read_element_table_file(file).values(1, 0), 0.002);
   EXPECT_THROW(read_element_table_file(file, 5), BadInput);
   std::ofstream(file) << "X EXX\n0 0.001\n1 O.002\n";
-  try {
-    read_element_table_file(file);
-    FAIL();
-  } catch (const BadInput& fault) {
-    EXPECT_EQ(std::string(fault.what()),
-              file.string() + ":3:3: expected a number within +-1e9, seen 'O.002'");
-  }
+  const std::string said = thrown_text<BadInput>([&] { read_element_table_file(file); });
+  EXPECT_EQ(said, file.string() + ":3:3: expected a number within +-1e9, seen 'O.002'");
 }
 
 TEST_F(ElementTableFile, WhatIsNoFileIsRefused) {
@@ -262,9 +244,7 @@ TEST(ElementTable, WhatIsWrittenIsTheVendorsForm) {
 }
 
 TEST(ElementTable, WrittenAndReadBackItIsTheSameBits) {
-  const unsigned seed = 5;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(5);
   std::uniform_real_distribution<double> unit(-1, 1);
   double worst_ulp = 0.0;
   for (const char axis : {'X', 'C'}) {
@@ -307,6 +287,44 @@ TEST(ElementTable, ItsColumnsBecomeElements) {
   const CurveState state{-5, 5, 0, 0, true};
   EXPECT_NEAR(value(elements[0].curves[0], state), -0.002, 1e-18);
   EXPECT_NEAR(value(elements[1].curves[0], state), -0.015, 1e-17);
+}
+
+TEST(ElementName, EveryNameIsReadAndWrittenBack) {
+  for (const char direction : std::string("XYZABC")) {
+    for (const char axis : std::string("XYZUVWABCS")) {
+      const std::string motion = std::string("E") + direction + axis;
+      const std::string location = std::string("E") + direction + "0" + axis;
+      EXPECT_EQ(to_string(parse_element_name(motion)), motion);
+      EXPECT_EQ(to_string(parse_element_name(location)), location);
+      EXPECT_EQ(parse_element_name(location.substr(1)), parse_element_name(location));
+      EXPECT_FALSE(parse_element_name(motion).location);
+      EXPECT_TRUE(parse_element_name(location).location);
+    }
+  }
+}
+
+TEST(ElementName, TheDirectionLetterIsThePlaceInADeviation) {
+  EXPECT_EQ(parse_element_name("EXZ").component(), 0);
+  EXPECT_EQ(parse_element_name("EZX").component(), 2);
+  EXPECT_EQ(parse_element_name("EAX").component(), 3);
+  EXPECT_EQ(parse_element_name("C0Y").component(), 5);
+  EXPECT_EQ(parse_element_name("C0Y").axis, 'Y');
+  EXPECT_TRUE(parse_element_name("ECX").is_angle());
+  EXPECT_FALSE(parse_element_name("EXC").is_angle());
+}
+
+TEST(ElementName, AnythingElseIsRefused) {
+  for (const std::string text :
+       {"",     "E",     "EX", "XX", "EXXX", "exx",  "EXx",  "EUX", "ESX", "EXs",  "EX1X",
+        "E0XX", "EC00Y", "C0", "0Y", "C0y",  "EXX ", " EXX", "E X", "EX-", "EC0T", "EXXEXX"}) {
+    EXPECT_THROW(parse_element_name(text), std::invalid_argument) << text;
+  }
+  EXPECT_THROW(parse_element_name(std::string_view("EX\0", 3)), std::invalid_argument);
+  try {
+    parse_element_name("E\nX");
+  } catch (const std::invalid_argument& fault) {
+    EXPECT_HAS(fault.what(), "seen 'E?X'");
+  }
 }
 
 }  // namespace

@@ -1,38 +1,25 @@
 #include "errors/geometric.h"
-
-#include <cmath>
-#include <iostream>
-#include <limits>
-#include <numbers>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
-
+#include "errors/coefficients.h"
+#include "errors/curve.h"
 #include "errors/element.h"
 #include "kinematics/decompositions.h"
 #include "tests/errors/machines.h"
+#include "tests/errors/numbers.h"
+#include "tests/test.h"
 
 namespace abbe::errors {
 namespace {
 
-using Eigen::Vector3d;
-using Eigen::VectorXd;
 using kinematics::Chain;
 using kinematics::Deviation;
 using kinematics::JointDeviation;
-using namespace abbe::literals;
 using enum kinematics::Side;
 using enum kinematics::Motion;
 
 Polynomial line(double slope) { return {(VectorXd(2) << 0, slope).finished(), 0, 1}; }
 
 std::string refusal_of_errors(const GeometricErrors& errors, const Chain& chain) {
-  try {
-    bind(errors, chain);
-  } catch (const std::invalid_argument& fault) {
-    return fault.what();
-  }
-  return "";
+  return thrown_text<std::invalid_argument>([&] { bind(errors, chain); });
 }
 
 // ---- binding
@@ -79,18 +66,14 @@ TEST(Bind, WhatMeansNothingIsRefusedByName) {
   EXPECT_EQ(refusal_of_errors(one("EC0Y", Repeatability{1e-6, 1}), chain),
             "EC0Y: a location error must be a constant");
   for (const std::string name : {"EA0X", "EB0Y", "EC0Z", "EA0A", "EC0C", "EC0S"})
-    EXPECT_NE(
-        refusal_of_errors(one(name), chain).find(name + ": an axis has no squareness about itself"),
-        std::string::npos)
-        << refusal_of_errors(one(name), chain);
+    EXPECT_HAS(refusal_of_errors(one(name), chain),
+               name + ": an axis has no squareness about itself");
   for (const std::string name : {"EX0X", "EY0X", "EZ0Y"})
-    EXPECT_NE(refusal_of_errors(one(name), chain)
-                  .find(name + ": a slide has a direction but no position"),
-              std::string::npos);
+    EXPECT_HAS(refusal_of_errors(one(name), chain),
+               name + ": a slide has a direction but no position");
   for (const std::string name : {"EX0A", "EZ0C"})
-    EXPECT_NE(refusal_of_errors(one(name), chain)
-                  .find(name + ": a rotation axis has no position along itself"),
-              std::string::npos);
+    EXPECT_HAS(refusal_of_errors(one(name), chain),
+               name + ": a rotation axis has no position along itself");
   EXPECT_EQ(refusal_of_errors(one("ECS"), chain),
             "ECS: a spindle has no error element about its own axis");
   EXPECT_EQ(refusal_of_errors(one("EAS"), platform()),
@@ -126,12 +109,10 @@ TEST(Deviations, ATableLeftNamesElementPartAndPosition) {
   EXX.curves[0].name = "laser";
   const GeometricModel model = bind({{EXX}, {}}, gantry());
   EXPECT_NO_THROW(deviations(model, state_at({0, 500, 0, 0, 0, 0})));
-  try {
+  const std::string said = thrown_text<std::out_of_range>([&] {
     deviations(model, state_at({0, 512, 0, 0, 0, 0}));
-    FAIL();
-  } catch (const std::out_of_range& fault) {
-    EXPECT_STREQ(fault.what(), "EXX (laser): position 512 is outside the table (0 to 500)");
-  }
+  });
+  EXPECT_EQ(said, "EXX (laser): position 512 is outside the table (0 to 500)");
 }
 
 TEST(Deviations, TheArgumentIsTheCommandUnlessTheCarriageIsAsked) {
@@ -294,15 +275,14 @@ TEST(Squareness, OfXAndYGivesACircularityOfRS) {
   const GeometricModel model = bind({{element("EC0Y", Constant{S})}, {}}, chain);
   const auto tip = [&](double angle) {
     const auto state = state_at({R * std::cos(angle), R * std::sin(angle)});
-    return Eigen::Vector2d(
+    return Vector2d(
         chain.tool_in_workpiece(state.q, deviations(model, state)).translation().head<2>());
   };
   const int n = 720;
-  Eigen::MatrixXd M(
-      n, 3);  // |p|^2 = 2 c.p + k: the circle is linear in (c, k), then one step on radii
+  MatrixXd M(n, 3);  // |p|^2 = 2 c.p + k: the circle is linear in (c, k), then one step on radii
   VectorXd b(n);
   for (int i = 0; i < n; ++i) {
-    const Eigen::Vector2d p = tip(2 * std::numbers::pi * i / n);
+    const Vector2d p = tip(2 * std::numbers::pi * i / n);
     M.row(i) << 2 * p.x(), 2 * p.y(), 1;
     b[i] = p.squaredNorm();
   }
@@ -393,6 +373,232 @@ TEST(Squareness, EC0YMakesTheAngleOfXAndYLarger) {
                     at(0, 0, 0), at(0, 0, 0));
   const GeometricModel model = bind({{element("EC0Y", Constant{50.0_urad})}, {}}, chain);
   EXPECT_NEAR(angle_between(chain, model, 0, 1) - 90.0_deg, 50.0_urad, 1e-13);
+}
+
+/// Machines at random: curves of every shape, series of few ranges and many lengths.
+class AnyErrors {
+ public:
+  explicit AnyErrors(unsigned seed) : random_(seed) {}
+
+  double unit() { return std::uniform_real_distribution<double>(-1, 1)(random_); }
+  int upto(int most) { return std::uniform_int_distribution<int>(0, most)(random_); }
+
+  VectorXd numbers(int count) {
+    return VectorXd::NullaryExpr(count, [&] { return 1e-3 * unit(); });
+  }
+
+  Shape shape() {
+    switch (upto(5)) {
+      case 0:
+        return Polynomial{numbers(upto(5)), 10.0 * upto(1), 400.0};
+      case 1: {
+        const int n = upto(3);
+        return Fourier{numbers(n), numbers(n), upto(1) == 0 ? 16.0 : 6.5};
+      }
+      case 2:
+        return Backlash{1e-3 * unit()};
+      case 3:
+        return make_table(VectorXd::LinSpaced(9, -500, 500), numbers(9));
+      default:
+        return Legendre{numbers(upto(9) == 0 ? 30 : upto(7)), 10.0 * upto(1), 400.0};
+    }
+  }
+
+  GeometricErrors errors() {
+    GeometricErrors all;
+    for (const char axis : std::string("CXYZA"))
+      for (const char direction : std::string("XYZABC")) {
+        Element element{parse_element_name(std::string("E") + direction + axis), {}};
+        for (int k = 1 + upto(2); k > 0; --k)
+          element.curves.push_back({shape(),
+                                    {},
+                                    upto(1) == 0 ? Argument::Command : Argument::Carriage,
+                                    upto(1) == 0,
+                                    upto(2) == 0 ? 1.0 : unit()});
+        all.elements.push_back(std::move(element));
+      }
+    return all;
+  }
+
+  kinematics::AxisState state() {
+    kinematics::AxisState state;
+    state.q = kinematics::AxisVector::NullaryExpr(6, [&] { return 300.0 * unit(); });
+    for (auto& one : state.direction) one = std::int8_t(upto(2) - 1);
+    return state;
+  }
+
+ private:
+  std::mt19937 random_;
+};
+
+/// Curve by curve, none with what another has found.
+std::vector<JointDeviation> one_by_one(const GeometricModel& model,
+                                       const kinematics::AxisState& state) {
+  std::vector<JointDeviation> sum(model.is_joint_primed.size());
+  for (const bool constant : {true, false})
+    for (const GeometricModel::Bound& bound : model.elements)
+      for (const Curve& curve : bound.element.curves)
+        if (std::holds_alternative<Constant>(curve.shape) == constant)
+          sum[std::size_t(bound.joint)].motion[bound.component] +=
+              value(curve, curve_state(model, state, bound.joint));
+  return sum;
+}
+
+TEST(Series, ThatShareTheirFunctionsHaveTheBitsOfCurvesOneByOne) {
+  int grouped = 0;
+  for (unsigned seed = 1; seed <= 60; ++seed) {
+    AnyErrors any(seed);
+    const GeometricModel model = bind(any.errors(), gantry());
+    for (const auto& term : model.terms) grouped += term.group >= 0 ? 1 : 0;
+    EXPECT_LE(model.groups.size(), GeometricModel::max_groups);
+    for (int k = 0; k < 50; ++k) {
+      const kinematics::AxisState state = any.state();
+      const std::vector<JointDeviation> expected = one_by_one(model, state);
+      const std::vector<JointDeviation> seen = deviations(model, state);
+      for (std::size_t j = 0; j < seen.size(); ++j)
+        for (int i = 0; i < 6; ++i)
+          ASSERT_EQ(seen[j].motion[i], expected[j].motion[i]) << "seed " << seed << " joint " << j;
+    }
+  }
+  EXPECT_GT(grouped, 1000) << "the series are what is tested here";
+}
+
+TEST(Series, OfOneArgumentAndRangeShareABasisWhateverTheirLengths) {
+  const auto curve = [](Shape shape, Argument argument = Argument::Command) {
+    return Curve{std::move(shape), {}, argument};
+  };
+  const auto ones = [](int count) { return VectorXd(VectorXd::Ones(count)); };
+  const SeriesBasis basis = *series_basis(curve(Legendre{ones(5), 0, 300}));
+  EXPECT_TRUE(basis.has_same_functions(*series_basis(curve(Legendre{ones(7), 0, 300}))));
+  EXPECT_FALSE(basis.has_same_functions(*series_basis(curve(Legendre{ones(5), 1, 300}))));
+  EXPECT_FALSE(basis.has_same_functions(*series_basis(curve(Legendre{ones(5), 0, 301}))));
+  EXPECT_FALSE(basis.has_same_functions(
+      *series_basis(curve(Legendre{ones(5), 0, 300}, Argument::Carriage))));
+  EXPECT_FALSE(basis.has_same_functions(*series_basis(curve(Fourier{ones(5), ones(5), 300}))));
+  EXPECT_FALSE(series_basis(curve(Legendre{ones(SeriesBasis::max_functions + 1), 0, 300})));
+  EXPECT_FALSE(series_basis(curve(Polynomial{ones(5), 0, 300})));
+}
+
+/// Every shape once.
+std::vector<Element> all_shapes() {
+  const VectorXd q = numbers({-10, 0, 5, 20});
+  const Table line =
+      make_table(q, numbers({1, -2, 3, 4}), TableInterpolation::Linear, TableExtrapolation::Hold);
+  const Table spline =
+      make_table(q, numbers({1, -2, 3, 4}), TableInterpolation::Spline, TableExtrapolation::Hold);
+  return {{{'X', 'X', false},
+           {{Legendre{numbers({0.1, 0.2, 0.3}), 5, 15}},
+            {Fourier{numbers({1, 2}), numbers({3, 4}), 8.0}, "screw pitch"},
+            {Backlash{0.7}}}},
+          {{'Y', 'X', false}, {{Polynomial{numbers({1, 2, 3, 4}), 1, 9}}}},
+          {{'Z', 'X', false}, {{line, "laser", Argument::Carriage, true, 0.5}}},
+          {{'A', 'X', false}, {{spline}, {DirectionalTables{line, spline}, "both ways"}}},
+          {{'B', 'X', false}, {{Repeatability{1.0, 3}}, {Asynchronous{1.0, 4}}}},
+          {{'C', 'Y', true}, {{Constant{4.0}}}}};
+}
+
+TEST(Coefficients, ANumberIsNamedByItsElementItsCurveAndItsPlace) {
+  const std::vector<Element> elements = all_shapes();
+  std::vector<std::string> names;
+  for (const Coefficient& c : coefficients(elements)) names.push_back(name_of(c, elements));
+  const std::vector<std::string> expected = {"EXX[0]",
+                                             "EXX[1]",
+                                             "EXX[2]",
+                                             "EXX screw pitch cos 1",
+                                             "EXX screw pitch cos 2",
+                                             "EXX screw pitch sin 1",
+                                             "EXX screw pitch sin 2",
+                                             "EXX backlash",
+                                             "EYX[0]",
+                                             "EYX[1]",
+                                             "EYX[2]",
+                                             "EYX[3]",
+                                             "EZX[0]",
+                                             "EZX[1]",
+                                             "EZX[2]",
+                                             "EZX[3]",
+                                             "EAX[0]",
+                                             "EAX[1]",
+                                             "EAX[2]",
+                                             "EAX[3]",
+                                             "EAX both ways up[0]",
+                                             "EAX both ways up[1]",
+                                             "EAX both ways up[2]",
+                                             "EAX both ways up[3]",
+                                             "EAX both ways down[0]",
+                                             "EAX both ways down[1]",
+                                             "EAX both ways down[2]",
+                                             "EAX both ways down[3]",
+                                             "EC0Y"};
+  EXPECT_EQ(names, expected) << "a random shape has no numbers";
+}
+
+TEST(Coefficients, NamesStayUniqueWhereCurvesAreAlike) {
+  const std::vector<Element> elements = {{{'X', 'X', false},
+                                          {{Constant{1}},
+                                           {Constant{2}},
+                                           {Backlash{1}},
+                                           {Constant{3}, "backlash"},
+                                           {Constant{3}, "#1"},
+                                           {Legendre{numbers({1, 2}), 0, 1}},
+                                           {Polynomial{numbers({1, 2}), 0, 1}},
+                                           {Legendre{numbers({1}), 0, 1}, "run"},
+                                           {Legendre{numbers({1}), 0, 1}, "run"}}}};
+  std::set<std::string> names;
+  for (const Coefficient& c : coefficients(elements)) names.insert(name_of(c, elements));
+  EXPECT_EQ(names.size(), coefficients(elements).size());
+}
+
+TEST(Coefficients, ValuesComeBackAsTheyWerePut) {
+  const std::vector<Element> elements = all_shapes();
+  const VectorXd before = values(elements);
+  ASSERT_EQ(before.size(), 29);
+  EXPECT_EQ(before[7], 0.7);
+  VectorXd other = VectorXd::LinSpaced(29, -3.0, 11.0);
+  EXPECT_EQ(values(with_values(elements, other)), other);
+  EXPECT_EQ(values(with_values(with_values(elements, other), before)), before);
+  EXPECT_THROW(with_values(elements, VectorXd::Zero(28)), std::invalid_argument);
+  EXPECT_THROW(with_values(elements, VectorXd::Zero(30)), std::invalid_argument);
+  EXPECT_EQ(values({}).size(), 0);
+}
+
+TEST(Coefficients, EveryCurveIsItsNumbersTimesItsBasis) {
+  SeededRandom random(20261121);
+  std::normal_distribution<double> normal;
+  std::vector<double> places = {0.0, 1e-12, -1e-12, -10.0, 5.0, 20.0, 0.5 * pi, pi, -25.0, 40.0};
+  for (int i = 0; i < 200; ++i) places.push_back(30.0 * normal(random));
+  double worst = 0.0;
+  for (const bool primed : {false, true})
+    for (const int direction : {-1, 0, 1})
+      for (const double q : places) {
+        std::vector<Element> elements = all_shapes();
+        const auto count = Index(coefficients(elements).size());
+        elements =
+            with_values(elements, VectorXd::NullaryExpr(count, [&] { return normal(random); }));
+        const CurveState state{q, primed ? -q : q, direction, 3, primed};
+        for (const Element& element : elements)
+          for (const Curve& curve : element.curves) {
+            if (is_random(curve)) continue;
+            const VectorXd b = basis(curve, state);
+            const VectorXd v = values({{element.name, {curve}}});
+            ASSERT_EQ(b.size(), v.size());
+            const double size = b.cwiseAbs().dot(v.cwiseAbs());
+            if (size == 0.0) {
+              EXPECT_EQ(value(curve, state), 0.0);
+              continue;
+            }
+            worst = std::max(worst, std::abs(b.dot(v) - value(curve, state)) / size);
+          }
+      }
+  std::cout << "basis times numbers against value: " << worst << " of the sum of magnitudes\n";
+  EXPECT_LT(worst, 1e-14);
+}
+
+TEST(Coefficients, ATableThatRefusesRefusesItsBasisToo) {
+  const Curve curve{make_table(numbers({0, 1}), numbers({1, 2}))};
+  EXPECT_THROW(basis(curve, {2.0, 2.0, 0, 0, false}), std::out_of_range);
+  EXPECT_EQ(basis(curve, {0.25, 0.25, 0, 0, false}), numbers({0.75, 0.25}));
+  EXPECT_EQ(basis({Repeatability{1.0, 1}}, {}).size(), 0);
 }
 
 }  // namespace

@@ -1,20 +1,9 @@
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstdlib>
-#include <map>
-#include <numbers>
-#include <random>
-#include <set>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "errors/geometric.h"
 #include "kinematics/chain.h"
 #include "tests/oracles/axis_geometry.h"
+#include "tests/test.h"
 
 /// Every element of a machine, one at a time, against the angle, the line or the motion that it is
 /// by definition, measured from poses of the tool in the workpiece alone. Axes lie along those of
@@ -22,8 +11,6 @@
 namespace abbe::errors::net {
 
 using Eigen::Matrix4d;
-using Eigen::Vector3d;
-using Eigen::VectorXd;
 using kinematics::Chain;
 using kinematics::Joint;
 using kinematics::Motion;
@@ -49,7 +36,7 @@ inline std::string code_of(const Chain& chain) {
 
 /// Bed axis along which a joint points.
 inline int bed_axis(const Joint& joint) {
-  Eigen::Index k = 0;
+  Index k = 0;
   joint.direction_b.cwiseAbs().maxCoeff(&k);
   return int(k);
 }
@@ -281,12 +268,8 @@ inline void expect_location_elements(const Chain& chain, Misses& misses) {
         expect_location_element(chain, text, misses);
         continue;
       }
-      try {
-        alone(chain, text);
-        ADD_FAILURE() << code_of(chain) << " takes " << text;
-      } catch (const std::invalid_argument& refusal) {
-        EXPECT_EQ(std::string(refusal.what()).find(text + ": "), 0u) << refusal.what();
-      }
+      const std::string said = thrown_text<std::invalid_argument>([&] { alone(chain, text); });
+      EXPECT_EQ(said.find(text + ": "), 0u) << said;
     }
 }
 
@@ -297,8 +280,7 @@ inline void expect_location_elements(const Chain& chain, Misses& misses) {
 inline Shape motion_shape(const Joint& joint, double size) {
   if (joint.motion == Motion::Spindle) return Constant{size};
   if (is_slide(joint)) return Polynomial{size * Vector3d(0.5, 1.0, -0.8), 20.0, 250.0};
-  return Fourier{size * Eigen::Vector2d(1.0, -0.4), size * Eigen::Vector2d(0.3, 0.7),
-                 2.0 * std::numbers::pi};
+  return Fourier{size * Vector2d(1.0, -0.4), size * Vector2d(0.3, 0.7), 2.0 * std::numbers::pi};
 }
 
 inline double motion_value(const Joint& joint, double size, double q) {

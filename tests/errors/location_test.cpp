@@ -1,9 +1,7 @@
-#include <iostream>
-
 #include "errors/element.h"
-#include "kinematics/units.h"
 #include "tests/errors/location_net.h"
 #include "tests/errors/machines.h"
+#include "tests/test.h"
 
 namespace abbe::errors {
 namespace {
@@ -11,7 +9,6 @@ namespace {
 using kinematics::Chain;
 using kinematics::Joint;
 using kinematics::Motion;
-using namespace abbe::literals;
 
 Chain with_options(const Chain& chain, kinematics::Squareness squareness,
                    kinematics::DeviationAxes axes) {
@@ -26,9 +23,7 @@ Chain with_options(const Chain& chain, kinematics::Squareness squareness,
 // The machines are twice those of `net::random_machines`: with the frames that the structural code
 // asks for, and with directions of travel alone.
 TEST(Location, EveryElementIsTheAngleOrTheLineThatItIsByDefinitionOnAnyStructuralCode) {
-  const unsigned seed = 20261122;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20261122);
   net::Misses misses;
   std::map<std::string, int> elements;
   for (int i = 0; i < net::random_machines(); ++i) {
@@ -44,9 +39,7 @@ TEST(Location, EveryElementIsTheAngleOrTheLineThatItIsByDefinitionOnAnyStructura
 }
 
 TEST(Location, AnglesOfTravelAloneAreTheSameAnglesOnAnyStructuralCode) {
-  const unsigned seed = 20261123;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20261123);
   net::Misses misses;
   for (int i = 0; i < net::random_machines(); ++i) {
     const Chain chain = with_options(net::random_machine(random), kinematics::Squareness::Travel,
@@ -62,9 +55,7 @@ TEST(Location, AnglesOfTravelAloneAreTheSameAnglesOnAnyStructuralCode) {
 }
 
 TEST(ErrorMotions, AreTheMotionsOfTheCarriageThatTheirNamesSayOnAnyStructuralCode) {
-  const unsigned seed = 20261124;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20261124);
   net::Misses misses;
   for (int i = 0; i < net::random_machines(); ++i) {
     const auto axes = i % 2 ? kinematics::DeviationAxes::Turning : kinematics::DeviationAxes::Fixed;
@@ -79,9 +70,7 @@ TEST(ErrorMotions, AreTheMotionsOfTheCarriageThatTheirNamesSayOnAnyStructuralCod
 // about the bed axis of its letter, whatever that makes of the angle between them; the other angles
 // change by no more than the spread times the element.
 TEST(Location, ASquarenessOfObliqueSlidesTurnsOneAboutTheBedAxisOfItsLetter) {
-  const unsigned seed = 20261125;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20261125);
   const double spread = 0.1, e = net::angle_given;
   double own = 0.0, other = 0.0;
   for (int i = 0; i < net::random_machines(); ++i) {
@@ -97,7 +86,7 @@ TEST(Location, ASquarenessOfObliqueSlidesTurnsOneAboutTheBedAxisOfItsLetter) {
           const bool is_own = (first == one.joint || second == one.joint) &&
                               (first == earlier || second == earlier);
           const double seen = net::opened(one, first, second);
-          const Eigen::Vector3d leaning = kinematics::rotation(one.unit() * e) * u(one.joint);
+          const Vector3d leaning = kinematics::rotation(one.unit() * e) * u(one.joint);
           const double expected =
               oracles::angle(leaning, u(earlier)) - oracles::angle(u(one.joint), u(earlier));
           if (is_own) own = std::max(own, std::abs(seen - expected));
@@ -112,12 +101,7 @@ TEST(Location, ASquarenessOfObliqueSlidesTurnsOneAboutTheBedAxisOfItsLetter) {
 }
 
 std::string refusal_alone(const std::string& element, const Chain& chain) {
-  try {
-    net::alone(chain, element);
-  } catch (const std::invalid_argument& fault) {
-    return fault.what();
-  }
-  return "";
+  return thrown_text<std::invalid_argument>([&] { net::alone(chain, element); });
 }
 
 TEST(Location, WhatIsNoAngleOfTheMachineIsRefusedWithItsReason) {
@@ -133,11 +117,9 @@ TEST(Location, WhatIsNoAngleOfTheMachineIsRefusedWithItsReason) {
   EXPECT_EQ(refusal_alone("EC0X", platform()),
             "EC0X: no other slide of this machine travels perpendicular to Z, so X has no "
             "squareness; state its angle to a rotary axis as an element of the rotary axis");
-  EXPECT_NE(refusal_alone("EA0Z", platform())
-                .find("no other slide of this machine travels perpendicular to X"),
-            std::string::npos);
-  EXPECT_NE(refusal_alone("EC0Y", platform()).find("expected an axis of the machine"),
-            std::string::npos);
+  EXPECT_HAS(refusal_alone("EA0Z", platform()),
+             "no other slide of this machine travels perpendicular to X");
+  EXPECT_HAS(refusal_alone("EC0Y", platform()), "expected an axis of the machine");
 }
 
 TEST(Location, IsSaidInWords) {

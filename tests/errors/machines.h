@@ -1,17 +1,14 @@
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "errors/geometric.h"
 #include "kinematics/chain.h"
-#include "kinematics/units.h"
+#include "tests/test.h"
 
 /// Machines and small makers that the tests of this folder share.
 namespace abbe::errors {
 
 inline kinematics::Joint joint(char name, kinematics::Side side, kinematics::Motion motion,
-                               const Eigen::Vector3d& direction_b, const Eigen::Vector3d& point_b) {
+                               const Vector3d& direction_b, const Vector3d& point_b) {
   kinematics::Joint j;
   j.name = name;
   j.side = side;
@@ -29,7 +26,7 @@ inline kinematics::Pose at(double x, double y, double z) {
 inline kinematics::Chain gantry() {
   using enum kinematics::Side;
   using enum kinematics::Motion;
-  const Eigen::Vector3d ex(1, 0, 0), ey(0, 1, 0), ez(0, 0, 1);
+  const Vector3d ex(1, 0, 0), ey(0, 1, 0), ez(0, 0, 1);
   return kinematics::Chain(
       {joint('C', Workpiece, Rotary, ez, {0, 0, -50}), joint('X', Tool, Linear, ex, {0, -400, 300}),
        joint('Y', Tool, Linear, ey, {100, 0, 350}), joint('Z', Tool, Linear, ez, {0, 50, 400}),
@@ -41,7 +38,7 @@ inline kinematics::Chain gantry() {
 inline kinematics::Chain turned_gantry() {
   using enum kinematics::Side;
   using enum kinematics::Motion;
-  const Eigen::Vector3d ex(1, 0, 0), ey(0, 1, 0), ez(0, 0, 1);
+  const Vector3d ex(1, 0, 0), ey(0, 1, 0), ez(0, 0, 1);
   return kinematics::Chain({joint('A', Workpiece, Rotary, ex, {0, 0, 200}),
                             joint('Z', Workpiece, Linear, ez, {0, 50, 400}),
                             joint('Y', Workpiece, Linear, ey, {100, 0, 350}),
@@ -55,7 +52,7 @@ inline kinematics::Chain turned_gantry() {
 inline kinematics::Chain platform() {
   using enum kinematics::Side;
   using enum kinematics::Motion;
-  const Eigen::Vector3d ex(1, 0, 0), ez(0, 0, 1);
+  const Vector3d ex(1, 0, 0), ez(0, 0, 1);
   return kinematics::Chain(
       {joint('S', Workpiece, Rotary, ex, {0, 0, 0}),
        joint('X', Workpiece, Linear, ex, {10, 0, -30}), joint('Z', Tool, Linear, ez, {20, 0, 100})},
@@ -69,7 +66,7 @@ inline Element element(const std::string& name, Shape shape) {
 
 inline kinematics::AxisState state_at(std::initializer_list<double> q) {
   kinematics::AxisState state;
-  state.q.resize(Eigen::Index(q.size()));
+  state.q.resize(Index(q.size()));
   std::copy(q.begin(), q.end(), state.q.data());
   return state;
 }

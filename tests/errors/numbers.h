@@ -1,13 +1,12 @@
 #pragma once
 
 #include <initializer_list>
-
-#include <Eigen/Core>
+#include "tests/test.h"
 
 namespace abbe::errors {
 
-inline Eigen::VectorXd numbers(std::initializer_list<double> list) {
-  return Eigen::VectorXd::Map(list.begin(), Eigen::Index(list.size()));
+inline VectorXd numbers(std::initializer_list<double> list) {
+  return VectorXd::Map(list.begin(), Index(list.size()));
 }
 
 }  // namespace abbe::errors

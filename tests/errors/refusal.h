@@ -1,10 +1,6 @@
 #pragma once
 
-#include <functional>
-#include <stdexcept>
-#include <string>
-
-#include "kinematics/bad_input.h"
+#include "tests/test.h"
 
 namespace abbe::errors {
 

@@ -2,19 +2,11 @@
 // and the arms are written above each machine's table. Elements are 1 um or 1 urad; what is
 // neglected is of second order, 1e-12 rad^2 * 800 mm / 2 = 0.4 pm.
 
-#include <algorithm>
-#include <iostream>
-#include <set>
-
-#include <gtest/gtest.h>
-
 #include "tests/errors/machines.h"
+#include "tests/test.h"
 
 namespace abbe::errors {
 namespace {
-
-using Eigen::Vector3d;
-using namespace abbe::literals;
 
 /// What an indicator at the tip, standing in the workpiece, sees of one element.
 struct Sign {

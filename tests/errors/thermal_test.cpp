@@ -1,23 +1,9 @@
 #include "errors/thermal_run.h"
-
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-#include <numbers>
-#include <random>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
 #include "tests/oracles/thermal_oracle.h"
+#include "tests/test.h"
 
 namespace abbe::errors {
 namespace {
-
-using Eigen::Index;
-using Eigen::VectorXd;
-using std::numbers::pi;
 
 /// One node, tau = capacity / conductance, at 20 deg C.
 ThermalNetwork one_node(double capacity, double conductance) {
@@ -602,12 +588,7 @@ TEST(Thermal, ASingleKnotIsEnough) {
 
 std::string refusal_to_simulate(const ThermalNetwork& network,
                                 std::vector<Activity> knots = {activity_at(0)}) {
-  try {
-    simulate(network, knots);
-  } catch (const std::invalid_argument& fault) {
-    return fault.what();
-  }
-  return "";
+  return thrown_text<std::invalid_argument>([&] { simulate(network, knots); });
 }
 
 template <typename Change>
@@ -623,8 +604,7 @@ TEST(Thermal, ANetworkThatCannotBeIsRefusedByName) {
   for (const double capacity : {-5.0, 0.0, infinity, std::nan("")}) {
     const std::string message =
         refusal_of_changed([&](Network& n) { n.nodes[1].capacity_J_per_K = capacity; });
-    EXPECT_NE(message.find("node column: expected a heat capacity above 0"), std::string::npos)
-        << message;
+    EXPECT_HAS(message, "node column: expected a heat capacity above 0");
   }
   EXPECT_EQ(refusal_of_changed([](Network& n) {
               n.links.pop_back(), n.surroundings.erase(n.surroundings.begin() + 1);
@@ -654,10 +634,10 @@ TEST(Thermal, ANetworkThatCannotBeIsRefusedByName) {
             "node column: expected a finite start temperature, seen inf");
   EXPECT_NE(refusal_of_changed([](Network& n) { n.start_T_C.resize(2); }), "");
   EXPECT_EQ(refusal_to_simulate({}), "thermal network: expected at least one node");
-  EXPECT_NE(refusal_of_changed([](Network& n) {
-              n.nodes[0].capacity_J_per_K = 5e-324, n.links[0].conductance_W_per_K = 1e308;
-            }).find("exceed the numeric range"),
-            std::string::npos);
+  EXPECT_HAS(refusal_of_changed([](Network& n) {
+               n.nodes[0].capacity_J_per_K = 5e-324, n.links[0].conductance_W_per_K = 1e308;
+             }),
+             "exceed the numeric range");
 }
 
 TEST(Thermal, AnActivityThatCannotBeIsRefused) {
@@ -776,12 +756,7 @@ TEST(TemperatureSensor, LagAgreesWithTheMatrixExponential) {
 TEST(TemperatureSensor, NonsenseIsRefusedByName) {
   const ThermalRun run = simulate(small_machine(), std::vector{activity_at(0)});
   const auto refused = [&](const TemperatureSensor& sensor) -> std::string {
-    try {
-      readings(sensor, run, every(1, 3));
-    } catch (const std::invalid_argument& fault) {
-      return fault.what();
-    }
-    return "";
+    return thrown_text<std::invalid_argument>([&] { readings(sensor, run, every(1, 3)); });
   };
   EXPECT_EQ(refused({.name = "nut"}), "");
   EXPECT_EQ(refused({.name = "nut", .node = 3}), "sensor nut: expected a node from 0 to 2, seen 3");

@@ -1,24 +1,10 @@
-#include <chrono>
-#include <cmath>
-#include <functional>
-#include <iostream>
-#include <limits>
-#include <random>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-#include <Eigen/Geometry>
-
 #include "errors/compliance.h"
-#include "kinematics/units.h"
 #include "tests/errors/refusal.h"
 #include "tests/oracles/beam.h"
+#include "tests/test.h"
 
 namespace abbe::errors {
 namespace {
-
-using Eigen::Matrix3d;
-using Eigen::Vector3d;
 
 using Points = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
@@ -249,9 +235,7 @@ TEST(WorkpieceField, DoesNotJumpWhereItsNeighboursChange) {
 }
 
 TEST(WorkpieceField, ByItsTreeIsTheSameAsOneByOne) {
-  const unsigned seed = 12;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(12);
   std::uniform_real_distribution<double> unit(-0.3, 1.3);
   for (const int n : {1, 2, 3, 4, 5, 8, 9, 10, 17, 100, 3000}) {
     const WorkpieceField field = some_field(n, random);
@@ -378,9 +362,7 @@ TEST(ComplianceCsv, RefusesWithThePlace) {
 }
 
 TEST(ComplianceCsv, NoiseIsRefusedOrRead) {
-  const unsigned seed = 77;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(77);
   const std::string good = head + ",Cxy_um_per_N\n1,2,3,4,5,6,0.5\n-1,2.5,3e1,4,5,6,0\n";
   int refused = 0;
   for (int i = 0; i < 20000; ++i) {

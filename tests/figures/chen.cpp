@@ -1,16 +1,11 @@
 // Chen and Wang 2013: four of 13 sensors.
 
-#include <algorithm>
-#include <cmath>
-
-#include <fmt/format.h>
-
 #include "errors/identification/sensor_choice.h"
 #include "errors/identification/thermal_model.h"
 #include "errors/metrology/machine_tests.h"
-#include "kinematics/units.h"
 #include "sim/commands/calibration_commands.h"
 #include "tests/figures/figure.h"
+#include "tests/test.h"
 
 namespace abbe::figures {
 namespace {
@@ -51,11 +46,11 @@ identification::ThermalData readings_of_the_day() {
   const errors::metrology::DriftTest test = classify_readings(readings).drifts.at(0);
   const auto z = std::find(test.log.names.begin(), test.log.names.end(), "Z");
   if (z == test.log.names.end()) throw std::invalid_argument("no drift along Z");
-  const Eigen::Index n = test.log.values.rows(), channels = test.log.values.cols();
+  const Index n = test.log.values.rows(), channels = test.log.values.cols();
   identification::ThermalData data;
   data.names = readings.sensors;
   data.T.resize(n, readings.T_C.cols());
-  for (Eigen::Index i = 0; i < n; ++i) data.T.row(i) = readings.T_C.row(i * channels);
+  for (Index i = 0; i < n; ++i) data.T.row(i) = readings.T_C.row(i * channels);
   data.y = test.log.values.col(z - test.log.names.begin());
   data.run.assign(std::size_t(n), 0);
   return data;
@@ -74,9 +69,9 @@ double in_cycle(const std::vector<int>& numbers) {
 /// on that is not zero.
 std::string by_initial_image() {
   const identification::ThermalData data = readings_of_the_day();
-  Eigen::Index first = 0;
+  Index first = 0;
   while (data.y[first] == 0.0) ++first;
-  const Eigen::Index n = data.y.size() - first;
+  const Index n = data.y.size() - first;
   const auto degrees = identification::grey_degrees(data.y.tail(n), data.T.bottomRows(n));
   if (degrees.status != identification::GreyStatus::Ok)
     return identification::to_string(degrees.status);

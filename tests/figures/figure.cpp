@@ -1,17 +1,10 @@
 #include "tests/figures/figure.h"
-
-#include <map>
-#include <optional>
-#include <stdexcept>
-#include <utility>
-
-#include <fmt/format.h>
-
 #include "sim/cut/judged_surface.h"
 #include "sim/loop/compensate.h"
 #include "sim/report/sensor_choice_report.h"
 #include "sim/report/summary.h"
 #include "sim/scene/read_scene.h"
+#include "tests/test.h"
 
 namespace abbe::figures {
 
@@ -33,7 +26,7 @@ std::string command(const SceneCase& one) {
 
 sim::Scene scene_of(const std::string& name, const std::vector<sim::Override>& changes,
                     const std::string& variant) {
-  const auto file = std::filesystem::path(ABBE_SOURCE_DIR) / "scenes" / (name + ".toml");
+  const auto file = fs::path(ABBE_SOURCE_DIR) / "scenes" / (name + ".toml");
   const sim::Scene scene = sim::read_scene(file, changes);
   if (variant.empty()) return scene;
   for (const sim::Variant& one : scene.variants) {

@@ -1,13 +1,9 @@
 #pragma once
 
-#include <functional>
-#include <string>
-#include <vector>
-
 #include <nlohmann/json.hpp>
-
 #include "sim/commands/scene_runs.h"
 #include "sim/scene/scene.h"
+#include "tests/test.h"
 
 /// The figures of the source papers beside what the shipped scenes give: the rows of
 /// scenes/FIGURES.md.

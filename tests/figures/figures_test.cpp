@@ -5,32 +5,24 @@
 // ABBE_WRITE_FIGURES=1 writes the file and the numbers of the sentences that stand in documents and
 // in heads of scenes.
 
-#include <cstdlib>
-#include <fstream>
-#include <iostream>
-#include <map>
-#include <regex>
-#include <sstream>
-
 #include <fmt/args.h>
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
+#include <regex>
 #include "tests/figures/figure.h"
 #include "tests/sim/packaged_remarks.h"
+#include "tests/test.h"
 
 namespace abbe::figures {
 namespace {
 
-const std::filesystem::path root = ABBE_SOURCE_DIR;
-const std::filesystem::path table_file = root / "scenes" / "FIGURES.md";
+const fs::path root = ABBE_SOURCE_DIR;
+const fs::path table_file = root / "scenes" / "FIGURES.md";
 
 bool asked(const char* variable) {
   const char* value = std::getenv(variable);
   return value && std::string(value) == "1";
 }
 
-std::string contents(const std::filesystem::path& file) {
+std::string contents(const fs::path& file) {
   std::ostringstream text;
   text << std::ifstream(file, std::ios::binary).rdbuf();
   return text.str();
@@ -646,7 +638,7 @@ TEST(Figures, EveryNumberInTheHeadOfASceneIsComputedOrStated) {
   for (const RunQuote& quote : run_quotes()) sentences.emplace_back(quote.file, quote.words);
   const std::vector<Stated> stated = chosen_or_published();
   int heads = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(root / "scenes")) {
+  for (const auto& entry : fs::directory_iterator(root / "scenes")) {
     if (entry.path().extension() != ".toml") continue;
     ++heads;
     const std::string scene = entry.path().stem().string();

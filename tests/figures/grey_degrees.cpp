@@ -1,9 +1,8 @@
 // Liu's degrees of a widely copied worked example.
 
-#include <fmt/format.h>
-
 #include "errors/identification/sensor_choice.h"
 #include "tests/figures/figure.h"
+#include "tests/test.h"
 
 namespace abbe::figures {
 
@@ -11,7 +10,7 @@ std::vector<Figure> grey_degrees() {
   namespace identification = errors::identification;
   const auto degree = [](identification::GreyKind kind) {
     return [kind] {
-      Eigen::VectorXd first(5), second(5);
+      VectorXd first(5), second(5);
       first << 30.5, 34.7, 35.9, 38.2, 41;
       second << 22.1, 25.4, 27.1, 28.3, 31.5;
       identification::GreyOptions options;

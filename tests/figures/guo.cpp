@@ -1,11 +1,7 @@
 // Guo et al. 2016: the elements of the gantry.
 
-#include <set>
-#include <string>
-
-#include <fmt/format.h>
-
 #include "tests/figures/figure.h"
+#include "tests/test.h"
 
 namespace abbe::figures {
 namespace {

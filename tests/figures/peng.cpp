@@ -1,15 +1,10 @@
 // Peng et al. 2017: the XZ platform.
 
-#include <algorithm>
-#include <cmath>
-
-#include <fmt/format.h>
-
 #include "errors/geometric.h"
-#include "kinematics/units.h"
 #include "sim/machine/machine.h"
 #include "sim/machine/truth.h"
 #include "tests/figures/figure.h"
+#include "tests/test.h"
 
 namespace abbe::figures {
 namespace {

@@ -1,12 +1,8 @@
 // Yang 2012: the composite element, the thermal protocol, decoupled five-axis compensation.
 
-#include <cmath>
-
-#include <fmt/format.h>
-
-#include "kinematics/units.h"
 #include "sim/report/verdict.h"
 #include "tests/figures/figure.h"
+#include "tests/test.h"
 
 namespace abbe::figures {
 namespace {
@@ -27,8 +23,7 @@ struct Ends {
 Ends ends(double time_h) {
   const sim::Job job =
       sim::prepare(scene_of("yang_axis", {{"part.vertices", "500"}, {"program.step_mm", "10"}}));
-  const Eigen::VectorXd dT =
-      errors::temperatures(job.truth.heat->run, 3600 * time_h).array() - 20.0;
+  const VectorXd dT = errors::temperatures(job.truth.heat->run, 3600 * time_h).array() - 20.0;
   const auto positioning = [&](double x) {
     kinematics::AxisState state;
     state.q = kinematics::AxisVector::Zero(job.machine.nominal.size());

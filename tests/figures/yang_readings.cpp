@@ -1,17 +1,12 @@
 // Yang 2012: what instruments read on our machines, evaluated by his laws: the composite
 // positioning element and the step diagonal.
 
-#include <map>
-#include <stdexcept>
-
-#include <fmt/format.h>
-
-#include "kinematics/units.h"
 #include "sim/commands/calibration_commands.h"
 #include "sim/readings/readings_file.h"
 #include "sim/report/identification_report.h"
 #include "tests/figures/figure.h"
 #include "tests/sim/scene_folder.h"
+#include "tests/test.h"
 
 namespace abbe::figures {
 namespace {

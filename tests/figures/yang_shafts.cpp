@@ -1,21 +1,13 @@
 // Yang 2012, table 1: a stepped and a conical blank turned to one diameter.
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-
-#include <fmt/format.h>
-
-#include <Eigen/Core>
-
-#include "kinematics/units.h"
 #include "sim/loop/compensate.h"
 #include "tests/figures/figure.h"
+#include "tests/test.h"
 
 namespace abbe::figures {
 namespace {
 
-using Eigen::Vector3d;  // three radii, mm
+// A vector holds three radii, mm.
 
 const std::string yang_table_1 = "Yang 2012, table 1";
 const std::string open = "force-position-open";

@@ -1,25 +1,13 @@
-#include <algorithm>
-#include <cmath>
-#include <cstdlib>
-#include <functional>
-#include <iostream>
-#include <string>
-#include <thread>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "errors/identification/estimate.h"
 #include "errors/identification/model.h"
 #include "tests/identification/measured.h"
+#include "tests/test.h"
 
 /// Whether the 95 % intervals of an estimate hold the truth in 95 % of repeats: set-ups, noise and
 /// rounding drawn again each time from seeds fixed beforehand.
 namespace abbe::errors::identification {
 namespace {
 
-using Eigen::Index;
-using Eigen::VectorXd;
 using metrology::Instrument;
 using metrology::Kind;
 using metrology::Readings;
@@ -272,12 +260,12 @@ std::vector<metrology::Plan> short_campaign(const kinematics::Chain& chain) {
   add(Kind::RTest, [](Instrument& i) {
     i.name = "nest on a stand";
     i.axes = {'C'};
-    i.location_w = Eigen::Vector3d(100, 0, 250);
+    i.location_w = Vector3d(100, 0, 250);
   });
   add(Kind::RTest, [](Instrument& i) {
     i.name = "ball aside";
     i.axes = {'A'};
-    i.reflector_t = Eigen::Vector3d(60, 60, -80);
+    i.reflector_t = Vector3d(60, 60, -80);
   });
   add(Kind::Spindle, [](Instrument& i) { i.targets = 8; });
   return plans;

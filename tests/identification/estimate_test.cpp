@@ -1,30 +1,17 @@
 #include "errors/identification/estimate.h"
-
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-#include <map>
-#include <set>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
-
 #include "errors/identification/design.h"
 #include "errors/identification/model.h"
 #include "errors/identification/regression.h"
+#include "errors/identification/thermal_epochs.h"
 #include "tests/identification/measured.h"
+#include "tests/test.h"
 
 namespace abbe::errors::identification {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::Vector3d;
-using Eigen::VectorXd;
 using metrology::Instrument;
 using metrology::Kind;
 using metrology::Readings;
-using namespace abbe::literals;
 
 std::vector<Kind> kinds_with_readings() {
   std::vector<Kind> result;
@@ -582,12 +569,7 @@ TEST(Estimate, RefusesWhatItCannotFindInASentence) {
   const Readings good = noisy_laser(chain, {}, 1);
   const auto refusal = [&](const GeometricErrors& m, std::vector<Readings> readings,
                            const EstimateOptions& options = {}) {
-    try {
-      estimate(m, readings, options);
-    } catch (const std::invalid_argument& fault) {
-      return std::string(fault.what());
-    }
-    return std::string();
+    return thrown_text<std::invalid_argument>([&] { estimate(m, readings, options); });
   };
   EXPECT_EQ(refusal(model, {good}), "");
   EXPECT_EQ(refusal({}, {good}), "nothing to identify: the model has no coefficients");
@@ -600,26 +582,78 @@ TEST(Estimate, RefusesWhatItCannotFindInASentence) {
   EXPECT_EQ(refusal(model, {bad}), "reading 5 of laser: expected a finite number");
   bad = good;
   bad.value.conservativeResize(3);
-  EXPECT_NE(refusal(model, {bad}).find("values, seen 3"), std::string::npos);
+  EXPECT_HAS(refusal(model, {bad}), "values, seen 3");
   bad = good;
   bad.plan.measurements[2].channel = 9;
   EXPECT_EQ(refusal(model, {bad}), "reading 3 of laser: channel 9 does not exist");
   bad = good;
   bad.value.resize(0);
-  EXPECT_NE(refusal(model, {bad}).find("the readings hold no values"), std::string::npos);
+  EXPECT_HAS(refusal(model, {bad}), "the readings hold no values");
   EXPECT_EQ(refusal({{element("EXX", Repeatability{1e-3, 1})}, {}}, {good}),
             "EXX: a random error cannot be identified");
-  EXPECT_NE(refusal({{element("EXB", Constant{})}, {}}, {good}).find("EXB"), std::string::npos);
+  EXPECT_HAS(refusal({{element("EXB", Constant{})}, {}}, {good}), "EXB");
   EstimateOptions options;
   options.rank_tolerance = 0.0;
   EXPECT_NE(refusal(model, {good}, options), "");
   GeometricErrors wrong = model;
   wrong.covariance.matrix = MatrixXd::Identity(3, 3);
-  EXPECT_NE(refusal(wrong, {good}).find("covariance"), std::string::npos);
+  EXPECT_HAS(refusal(wrong, {good}), "covariance");
   wrong = model;
   wrong.covariance.of = {{0, 0, 1}};
   wrong.covariance.matrix = -MatrixXd::Identity(1, 1);
-  EXPECT_NE(refusal(wrong, {good}).find("positive definite"), std::string::npos);
+  EXPECT_HAS(refusal(wrong, {good}), "positive definite");
+}
+
+// Readings of several starts, taken apart by the names of their set-ups.
+
+/// Set-ups a and b from two starts, read in turns; value and temperature are the number of the
+/// look.
+Readings two_starts() {
+  Readings readings{{}, tool_side_axes(), {}, {}, {}};
+  readings.plan.instrument = "laser";
+  readings.plan.set_ups.resize(4);
+  for (std::size_t s = 0; s < 4; ++s) readings.plan.set_ups[s].name = s % 2 == 0 ? "a" : "b";
+  readings.sensors = {"room", "nut"};
+  readings.plan.measurements.resize(8);
+  for (std::size_t i = 0; i < 8; ++i) readings.plan.measurements[i].set_up = int(i) / 2;
+  readings.value = VectorXd::LinSpaced(8, 0.0, 7.0);
+  readings.T_C.resize(8, 2);
+  readings.T_C.col(0).setConstant(20.0);
+  readings.T_C.col(1) = readings.value;
+  return readings;
+}
+
+TEST(Epochs, AStartIsHowOftenTheNameOfItsSetUpCameBefore) {
+  Readings readings = two_starts();
+  EXPECT_EQ(start_indices(readings.plan), (std::vector<int>{0, 0, 1, 1}));
+  EXPECT_EQ(day_log(readings).start_count, 2);
+  readings.plan.set_ups[1].name = "c";
+  EXPECT_EQ(start_indices(readings.plan), (std::vector<int>{0, 0, 1, 0}));
+}
+
+TEST(Epochs, EveryStartAloneHasItsOwnSetUpsReadingsAndTemperatures) {
+  const std::vector<Readings> start_count = split_by_start(two_starts());
+  ASSERT_EQ(start_count.size(), 2u);
+  for (const Readings& one : start_count) {
+    EXPECT_EQ(one.plan.instrument, "laser");
+    ASSERT_EQ(one.plan.set_ups.size(), 2u);
+    EXPECT_EQ(one.plan.set_ups[0].name, "a");
+    EXPECT_EQ(one.plan.set_ups[1].name, "b");
+    ASSERT_EQ(one.plan.measurements.size(), 4u);
+    for (int i = 0; i < 4; ++i) EXPECT_EQ(one.plan.measurements[std::size_t(i)].set_up, i / 2);
+  }
+  EXPECT_EQ(start_count[0].value, Eigen::Vector4d(0, 1, 2, 3));
+  EXPECT_EQ(start_count[1].value, Eigen::Vector4d(4, 5, 6, 7));
+  EXPECT_EQ(start_count[1].T_C.col(1), start_count[1].value);
+  const MatrixXd dT_K = temperature_rise_K(start_count, {"nut"});
+  EXPECT_EQ(dT_K, Vector2d(0, 4));
+}
+
+TEST(Epochs, ASensorThatWasNotLoggedIsNamed) {
+  EXPECT_EQ(sensor_columns({"nut", "room"}, {"room", "nut"}), (std::vector<Index>{1, 0}));
+  const std::string said =
+      thrown_text<std::invalid_argument>([&] { (void)sensor_columns({"oven"}, {"room"}); });
+  EXPECT_EQ(said, "expected a logged sensor, seen oven");
 }
 
 }  // namespace

@@ -1,10 +1,5 @@
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <string>
-#include <vector>
-
 #include "errors/coefficients.h"
 #include "errors/curve.h"
 #include "errors/geometric.h"
@@ -12,6 +7,7 @@
 #include "errors/metrology/instrument.h"
 #include "errors/metrology/readings.h"
 #include "tests/errors/machines.h"
+#include "tests/test.h"
 
 /// Machines within limits, truths in a model's own basis, and readings of them.
 namespace abbe::errors::identification {
@@ -26,7 +22,7 @@ inline kinematics::Joint within(kinematics::Joint joint, double min, double max)
 inline kinematics::Chain measured_gantry() {
   using enum kinematics::Side;
   using enum kinematics::Motion;
-  const Eigen::Vector3d ex(1, 0, 0), ey(0, 1, 0), ez(0, 0, 1), head(0, 0, 200);
+  const Vector3d ex(1, 0, 0), ey(0, 1, 0), ez(0, 0, 1), head(0, 0, 200);
   const double turn = 2.0 * pi;
   return kinematics::Chain({within(joint('C', Workpiece, Rotary, ez, {0, 0, 0}), -turn, turn),
                             within(joint('X', Tool, Linear, ex, head), -300, 300),
@@ -42,7 +38,7 @@ inline kinematics::Chain three_axes(
     kinematics::Squareness squareness = kinematics::Squareness::Travel) {
   using enum kinematics::Side;
   using enum kinematics::Motion;
-  const Eigen::Vector3d ex(1, 0, 0), ey(0, 1, 0), ez(0, 0, 1), none(0, 0, 0);
+  const Vector3d ex(1, 0, 0), ey(0, 1, 0), ez(0, 0, 1), none(0, 0, 0);
   std::vector<kinematics::Joint> joints = {within(joint('Y', Workpiece, Linear, ey, none), 0, 300),
                                            within(joint('X', Workpiece, Linear, ex, none), 0, 400),
                                            within(joint('Z', Tool, Linear, ez, none), 0, 250)};
@@ -54,7 +50,7 @@ inline kinematics::Chain three_axes(
 inline kinematics::Chain tool_side_axes() {
   using enum kinematics::Side;
   using enum kinematics::Motion;
-  const Eigen::Vector3d ex(1, 0, 0), ey(0, 1, 0), ez(0, 0, 1), none(0, 0, 0);
+  const Vector3d ex(1, 0, 0), ey(0, 1, 0), ez(0, 0, 1), none(0, 0, 0);
   std::vector<kinematics::Joint> joints = {within(joint('X', Tool, Linear, ex, none), 0, 400),
                                            within(joint('Y', Tool, Linear, ey, none), 0, 300),
                                            within(joint('Z', Tool, Linear, ez, none), 0, 250)};
@@ -77,10 +73,10 @@ inline bool is_held(const Coefficient& c, const GeometricErrors& model) {
 inline GeometricErrors drawn_truth(const GeometricErrors& model, std::uint64_t seed,
                                    double mm = 0.010, double rad = 30e-6) {
   const std::vector<Coefficient> all = coefficients(model.elements);
-  Eigen::VectorXd v = Eigen::VectorXd::Zero(Eigen::Index(all.size()));
+  VectorXd v = VectorXd::Zero(Index(all.size()));
   for (std::size_t i = 0; i < all.size(); ++i)
     if (!is_held(all[i], model))
-      v[Eigen::Index(i)] = (is_angle(all[i], model) ? rad : mm) * normal_deviate(seed, i);
+      v[Index(i)] = (is_angle(all[i], model) ? rad : mm) * normal_deviate(seed, i);
   GeometricErrors truth = model;
   truth.elements = with_values(model.elements, v);
   truth.covariance = {};
@@ -115,12 +111,12 @@ inline metrology::Readings noise_free(const metrology::Plan& plan, const kinemat
 }
 
 /// Standard deviation of every number of a model, 0 where the estimate has none.
-inline Eigen::VectorXd standard_deviations(const Estimate& estimate) {
+inline VectorXd standard_deviations(const Estimate& estimate) {
   const std::vector<Coefficient> all = coefficients(estimate.belief.elements);
   const Covariance& covariance = estimate.belief.covariance;
-  Eigen::VectorXd sigma = Eigen::VectorXd::Zero(Eigen::Index(all.size()));
+  VectorXd sigma = VectorXd::Zero(Index(all.size()));
   for (std::size_t i = 0; i < covariance.of.size(); ++i) {
-    const auto k = Eigen::Index(i);
+    const auto k = Index(i);
     const auto at = std::find(all.begin(), all.end(), covariance.of[i]) - all.begin();
     sigma[at] = std::sqrt(covariance.matrix(k, k));
   }
@@ -129,17 +125,17 @@ inline Eigen::VectorXd standard_deviations(const Estimate& estimate) {
 
 /// Largest difference of two sets of values over the largest value of their kind (mm, rad), over
 /// the numbers whose standard deviation is below `known` of that (all, if sigma is empty).
-inline double relative_difference(const Eigen::VectorXd& value, const GeometricErrors& truth,
-                                  const Eigen::VectorXd& sigma = {}, double known = 1.0) {
+inline double relative_difference(const VectorXd& value, const GeometricErrors& truth,
+                                  const VectorXd& sigma = {}, double known = 1.0) {
   const std::vector<Coefficient> all = coefficients(truth.elements);
-  const Eigen::VectorXd expected = values(truth.elements);
+  const VectorXd expected = values(truth.elements);
   const auto kind = [&](std::size_t i) { return is_angle(all[i], truth) ? 1 : 0; };
   double largest[2] = {0, 0};
   for (std::size_t i = 0; i < all.size(); ++i)
-    largest[kind(i)] = std::max(largest[kind(i)], std::abs(expected[Eigen::Index(i)]));
+    largest[kind(i)] = std::max(largest[kind(i)], std::abs(expected[Index(i)]));
   double result = 0.0;
   for (std::size_t i = 0; i < all.size(); ++i) {
-    const auto k = Eigen::Index(i);
+    const auto k = Index(i);
     const double off = std::abs(value[k] - expected[k]);
     if (off == 0.0 || (sigma.size() > 0 && sigma[k] > known * largest[kind(i)])) continue;
     result = std::max(result, off / largest[kind(i)]);

@@ -1,12 +1,6 @@
 #include "errors/identification/model.h"
-
-#include <iostream>
-#include <set>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
-
 #include "tests/identification/measured.h"
+#include "tests/test.h"
 
 namespace abbe::errors::identification {
 namespace {
@@ -22,7 +16,7 @@ std::set<std::string> names_of(const GeometricErrors& model) {
 kinematics::Chain limited_platform() {
   using enum kinematics::Side;
   using enum kinematics::Motion;
-  const Eigen::Vector3d ex(1, 0, 0), ez(0, 0, 1);
+  const Vector3d ex(1, 0, 0), ez(0, 0, 1);
   return kinematics::Chain({joint('S', Workpiece, Rotary, ex, {0, 0, 0}),
                             within(joint('X', Workpiece, Linear, ex, {-80, -60, 0}), -20, 80),
                             within(joint('Z', Tool, Linear, ez, {100, -60, -40}), -20, 80)},
@@ -86,12 +80,7 @@ TEST(Model, AnElementWithoutANumberToFindIsLeftOut) {
 
 TEST(Model, WhatCannotBeMeantIsRefusedByName) {
   const auto refusal = [](const kinematics::Chain& chain, const ModelOptions& options) {
-    try {
-      error_model(chain, options);
-    } catch (const std::invalid_argument& fault) {
-      return std::string(fault.what());
-    }
-    return std::string();
+    return thrown_text<std::invalid_argument>([&] { error_model(chain, options); });
   };
   ModelOptions options;
   options.only = {"EXB"};
@@ -101,10 +90,10 @@ TEST(Model, WhatCannotBeMeantIsRefusedByName) {
   options.orders = {{"EXX", -1}};
   EXPECT_EQ(refusal(measured_gantry(), options), "EXX: expected an order from 0 to 60, seen -1");
   options.orders = {{"nonsense", 1}};
-  EXPECT_NE(refusal(measured_gantry(), options).find("seen nonsense"), std::string::npos);
+  EXPECT_HAS(refusal(measured_gantry(), options), "seen nonsense");
   options.orders = {};
   options.order = 61;
-  EXPECT_NE(refusal(measured_gantry(), options).find("from 0 to 60"), std::string::npos);
+  EXPECT_HAS(refusal(measured_gantry(), options), "from 0 to 60");
   EXPECT_EQ(refusal(gantry(), {}), "EXX: the travel of its axis is not stated");
 }
 

@@ -1,15 +1,7 @@
 #include "errors/identification/regression.h"
 #include "kinematics/decompositions.h"
-
-#include <cmath>
-#include <iostream>
-#include <numeric>
-#include <random>
-
-#include <gtest/gtest.h>
-#include <Eigen/Core>
-
 #include "tests/errors/numbers.h"
+#include "tests/test.h"
 
 namespace {
 
@@ -246,9 +238,7 @@ TEST(Regression, OneColumnWithoutConstantIsTheTextbookRatio) {
 }
 
 TEST(Regression, PressIsTheRmsOfRowsLeftOutOneByOne) {
-  const unsigned seed = 20240701;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  abbe::SeededRandom random(20240701);
   const MatrixXd A = random_matrix(random, 25, 3);
   const VectorXd y = random_matrix(random, 25, 1);
   double sum = 0;
@@ -264,9 +254,7 @@ TEST(Regression, PressIsTheRmsOfRowsLeftOutOneByOne) {
 }
 
 TEST(Regression, VarianceInflationIsThatOfTheColumnOnTheOthers) {
-  const unsigned seed = 20240702;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  abbe::SeededRandom random(20240702);
   MatrixXd A = random_matrix(random, 40, 4);
   A.col(2) += 5 * A.col(0) - 2 * A.col(1);
   A.array() += 20;  // temperatures are far from 0
@@ -283,9 +271,7 @@ TEST(Regression, VarianceInflationIsThatOfTheColumnOnTheOthers) {
 }
 
 TEST(Regression, CovarianceAndLeverageAreThoseOfTheNormalEquations) {
-  const unsigned seed = 20240703;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  abbe::SeededRandom random(20240703);
   const MatrixXd A = random_matrix(random, 30, 3);
   const VectorXd y = random_matrix(random, 30, 1);
   RegressionOptions options;
@@ -318,9 +304,7 @@ TEST(Regression, AWeightOfTwoIsTheRowTwice) {
 }
 
 TEST(Regression, ConfoundedColumnsAreNamedAndNothingIsReturned) {
-  const unsigned seed = 20240704;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  abbe::SeededRandom random(20240704);
   MatrixXd A = random_matrix(random, 20, 4);
   A.col(3) = 2 * A.col(0) - 0.5 * A.col(2);
   const Regression fit = fit_regression(A, A.col(1));
@@ -337,7 +321,7 @@ TEST(Regression, ConfoundedColumnsAreNamedAndNothingIsReturned) {
   EXPECT_LT((rebuilt - A.col(one.column)).norm(), 1e-12);
   const std::string text = describe(fit.confounded, {"nut", "motor", "bed", "oil"});
   std::cout << text << '\n';
-  EXPECT_NE(text.find("oil"), std::string::npos);
+  EXPECT_HAS(text, "oil");
   EXPECT_EQ(text.find("motor"), std::string::npos);
 }
 
@@ -375,9 +359,7 @@ TEST(Regression, FewRowsAndBadShapesAreOutcomesAndRefusals) {
 }
 
 TEST(Regression, IntervalsOfTwoStandardErrorsCoverNinetyFivePerCent) {
-  const unsigned seed = 20240705;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  abbe::SeededRandom random(20240705);
   const MatrixXd A = random_matrix(random, 40, 2);
   int inside = 0;
   for (int repeat = 0; repeat < 2000; ++repeat) {
@@ -393,9 +375,7 @@ TEST(Regression, IntervalsOfTwoStandardErrorsCoverNinetyFivePerCent) {
 }
 
 TEST(Ridge, IsLeastSquaresOfTheDesignWithRowsOfThePenaltyBelow) {
-  const unsigned seed = 20240706;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  abbe::SeededRandom random(20240706);
   MatrixXd A = random_matrix(random, 30, 3).array() + 20;
   A.col(1) *= 4;
   const VectorXd y = random_matrix(random, 30, 1);
@@ -425,9 +405,7 @@ TEST(Ridge, SharesBetweenTwinsWhatLeastSquaresCannotPart) {
 }
 
 TEST(Lasso, KeepsItsOptimalityBoundAndEndsAtLeastSquaresAndAtNothing) {
-  const unsigned seed = 20240707;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  abbe::SeededRandom random(20240707);
   double worst = 0;
   for (int repeat = 0; repeat < 50; ++repeat) {
     MatrixXd A = random_matrix(random, 40, 8).array() + 20;

@@ -1,16 +1,5 @@
 #include "errors/identification/sensor_choice.h"
-
-#include <cmath>
-#include <cstdlib>
-#include <fstream>
-#include <iostream>
-#include <map>
-#include <random>
-#include <set>
-#include <span>
-#include <sstream>
-
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace {
 

@@ -1,25 +1,15 @@
 #include "errors/identification/step_diagonal.h"
-
-#include <cmath>
-#include <iostream>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
-
 #include "errors/identification/model.h"
-#include "kinematics/units.h"
 #include "tests/identification/measured.h"
+#include "tests/test.h"
 
 namespace abbe::errors::identification {
 namespace {
 
-using Eigen::Vector3d;
-using Eigen::VectorXd;
 using metrology::Instrument;
 using metrology::Kind;
 using metrology::Plan;
 using metrology::Readings;
-using namespace abbe::literals;
 
 Plan stepped(const kinematics::Chain& chain, double noise, int runs = 1, int steps = 10) {
   Instrument instrument = metrology::typical_instrument(Kind::StepDiagonal);
@@ -104,7 +94,7 @@ TEST(StepDiagonal, ItsCovarianceIsTrueAndNoiseAloneSeldomWarns) {
   for (int i = 0; i < repeats; ++i) {
     const StepDiagonal found = step_diagonal(metrology::measure(plan, chain, machine, seed + i));
     const VectorXd off = values(found.belief.elements) - expected;
-    for (Eigen::Index k = 0; k < off.size(); ++k) {
+    for (Index k = 0; k < off.size(); ++k) {
       const double sigma = std::sqrt(found.belief.covariance.matrix(k, k));
       if (sigma == 0.0) continue;  // the first row of a positioning
       ++all;
@@ -158,7 +148,7 @@ TEST(StepDiagonal, ARollMakesItFailByWhatTheTheorySaysAndWarns) {
             << " urad, cancelling in EC0Y to " << constant_of(exact.belief, "EC0Y") / 1.0_urad
             << " urad; reduced chi-square " << noisy.reduced_chi_square << "\n";
   ASSERT_FALSE(noisy.warnings.empty());
-  EXPECT_NE(noisy.warnings[0].find("angular errors"), std::string::npos);
+  EXPECT_HAS(noisy.warnings[0], "angular errors");
 }
 
 // In the same way, turned about X: after the leg of Y the reading is -t c l_y theta_k more, after
@@ -232,8 +222,8 @@ TEST(StepDiagonal, AMirrorOutOfLineMakesItFailAlikeAtEveryStepAndWarns) {
   const StepDiagonal found = step_diagonal(metrology::measure(
       metrology::plan(instrument, chain), chain, machine_of({}, chain), 20261121));
   ASSERT_EQ(found.warnings.size(), 1u);
-  EXPECT_NE(found.warnings[0].find("is the same at every step"), std::string::npos);
-  EXPECT_NE(found.warnings[0].find("mirror"), std::string::npos);
+  EXPECT_HAS(found.warnings[0], "is the same at every step");
+  EXPECT_HAS(found.warnings[0], "mirror");
   const double wrong = std::abs(constant_of(found.belief, "EC0Y")) +
                        std::abs(constant_of(found.belief, "EB0Z")) +
                        std::abs(constant_of(found.belief, "EA0Z"));
@@ -247,9 +237,9 @@ TEST(StepDiagonal, AGrowthOverTemperatureIsFoundAndASetOfEqualTemperaturesRefuse
   const GeometricErrors cold = twelve(chain, 10, 8);
   const GeometricErrors warmth = twelve(chain, 10, 9);  // per 10 K
   std::vector<StepDiagonal> results;
-  Eigen::MatrixXd dT_K(4, 1);
+  MatrixXd dT_K(4, 1);
   dT_K << 0.0, 2.0, 5.0, 9.0;
-  for (Eigen::Index i = 0; i < 4; ++i) {
+  for (Index i = 0; i < 4; ++i) {
     GeometricErrors warm = cold;
     warm.elements = with_values(cold.elements,
                                 values(cold.elements) + 0.1 * dT_K(i, 0) * values(warmth.elements));
@@ -260,7 +250,7 @@ TEST(StepDiagonal, AGrowthOverTemperatureIsFoundAndASetOfEqualTemperaturesRefuse
   ASSERT_EQ(trend.names.size(), 3u + 3u + 6u * 11u);
   double worst = 0.0;
   for (std::size_t i = 0; i < trend.names.size(); ++i) {
-    const auto k = Eigen::Index(i);
+    const auto k = Index(i);
     if (trend.names[i] != "EC0Y" && trend.names[i] != "EZX[4]" && trend.names[i] != "EYY slope")
       continue;
     double expected = 0.1 * constant_of(warmth, "EC0Y");
@@ -272,8 +262,8 @@ TEST(StepDiagonal, AGrowthOverTemperatureIsFoundAndASetOfEqualTemperaturesRefuse
   }
   std::cout << "slopes over temperature: " << worst << " of each\n";
   EXPECT_LT(worst, 1e-8);
-  EXPECT_THROW(step_diagonal_trend(results, Eigen::MatrixXd::Ones(4, 1)), std::invalid_argument);
-  EXPECT_THROW(step_diagonal_trend(results, Eigen::MatrixXd::Ones(3, 1)), std::invalid_argument);
+  EXPECT_THROW(step_diagonal_trend(results, MatrixXd::Ones(4, 1)), std::invalid_argument);
+  EXPECT_THROW(step_diagonal_trend(results, MatrixXd::Ones(3, 1)), std::invalid_argument);
   EXPECT_THROW(step_diagonal_trend({results.data(), 1}, dT_K.topRows(1)), std::invalid_argument);
 }
 
@@ -281,12 +271,7 @@ TEST(StepDiagonal, OtherReadingsAreRefusedInASentence) {
   const kinematics::Chain chain = three_axes();
   const Readings good = metrology::measure(stepped(chain, 0.0), chain, machine_of({}, chain), 1);
   const auto refusal = [](const Readings& readings) {
-    try {
-      step_diagonal(readings);
-    } catch (const std::invalid_argument& fault) {
-      return std::string(fault.what());
-    }
-    return std::string();
+    return thrown_text<std::invalid_argument>([&] { step_diagonal(readings); });
   };
   EXPECT_EQ(refusal(good), "");
   Readings bad = good;
@@ -294,16 +279,16 @@ TEST(StepDiagonal, OtherReadingsAreRefusedInASentence) {
   EXPECT_EQ(refusal(bad), "step diagonal: expected four diagonals, seen 3");
   bad = good;
   bad.value[7] = std::nan("");
-  EXPECT_NE(refusal(bad).find("finite reading"), std::string::npos);
+  EXPECT_HAS(refusal(bad), "finite reading");
   bad = good;
   bad.plan.measurements.erase(bad.plan.measurements.begin() + 5);
   bad.value = good.value.head(good.value.size() - 1);
-  EXPECT_NE(refusal(bad).find("one step in X, Y or Z apart"), std::string::npos);
+  EXPECT_HAS(refusal(bad), "one step in X, Y or Z apart");
   bad = good;
-  const auto quarter = Eigen::Index(good.value.size() / 4);
+  const auto quarter = Index(good.value.size() / 4);
   bad.plan.measurements.resize(std::size_t(3 * quarter));
   bad.value = good.value.head(3 * quarter);
-  EXPECT_NE(refusal(bad).find("same steps on every diagonal"), std::string::npos);
+  EXPECT_HAS(refusal(bad), "same steps on every diagonal");
   const kinematics::Chain other = platform();
   bad = Readings{good.plan, other, good.value, {}, {}};
   EXPECT_NE(refusal(bad), "");

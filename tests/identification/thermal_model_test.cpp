@@ -1,14 +1,7 @@
 #include "errors/identification/thermal_model.h"
-
-#include <cmath>
-#include <iostream>
-#include <random>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "tests/identification/thermal_options.h"
+#include "tests/test.h"
 
 namespace {
 
@@ -52,12 +45,8 @@ ThermalData warmup(const Warmup& of) {
 
 /// What the reader says of a text.
 std::string refusal(std::string_view text) {
-  try {
-    (void)parse_thermal_model(text, "model.txt");
-  } catch (const abbe::BadInput& bad) {
-    return bad.what();
-  }
-  return "accepted";
+  return abbe::thrown_text<abbe::BadInput>([&] { (void)parse_thermal_model(text, "model.txt"); },
+                                           "accepted");
 }
 
 }  // namespace
@@ -191,15 +180,13 @@ TEST(ThermalModel, TextThatIsNoModelIsRefusedWithItsLine) {
   std::string huge = text;
   const std::size_t at = huge.find("supports ") + 9;
   huge.replace(at, huge.find('\n', at) - at, "99999");
-  EXPECT_NE(refusal(huge).find("expected 99999 finite numbers"), std::string::npos);
+  EXPECT_HAS(refusal(huge), "expected 99999 finite numbers");
   huge.replace(at, 5, "99999999999");
-  EXPECT_NE(refusal(huge).find("an integer from"), std::string::npos);
+  EXPECT_HAS(refusal(huge), "an integer from");
 }
 
 TEST(ThermalModel, RandomDamageToATextIsRefusedOrHarmless) {
-  const unsigned seed = 20240710;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  abbe::SeededRandom random(20240710);
   const ThermalData data = warmup({.days = 2, .rows = 10});
   int refused = 0;
   for (const ModelKind kind : all_kinds) {

@@ -1,21 +1,13 @@
 #include "kinematics/chain.h"
-
-#include <cmath>
-#include <iostream>
-#include <random>
-#include <stdexcept>
-#include <vector>
-
-#include <gtest/gtest.h>
-
+#include "kinematics/axes.h"
+#include "kinematics/inverse_kinematics.h"
+#include "kinematics/pose.h"
 #include "tests/kinematics/machines.h"
-#include "tests/kinematics/nan.h"
+#include "tests/test.h"
 
 namespace abbe::kinematics {
 namespace {
 
-using namespace abbe::literals;
-using Eigen::Vector3d;
 using machines::slide;
 using machines::turn;
 using machines::x;
@@ -23,7 +15,7 @@ using machines::y;
 using machines::z;
 
 AxisVector axes(std::initializer_list<double> values) {
-  AxisVector q(Eigen::Index(values.size()));
+  AxisVector q(Index(values.size()));
   std::copy(values.begin(), values.end(), q.data());
   return q;
 }
@@ -289,9 +281,7 @@ TEST(Chain, SpindleNoseMovesNothingButItsDeviations) {
 }
 
 TEST(Chain, WithZeroDeviationsIsTheNominalMachineBitForBit) {
-  const unsigned seed = 20250302;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250302);
   for (const auto& [name, chain] : machines::all())
     for (const DeviationAxes deviation_axes : {DeviationAxes::Fixed, DeviationAxes::Turning})
       for (const Squareness squareness : {Squareness::Frame, Squareness::Travel}) {
@@ -331,7 +321,7 @@ TEST(ErrorTransform, IsExpressedInTheNominalToolFrame) {
   actual.translation() += Vector3d(0.01, 0, 0);
   const Pose E = error_transform(nominal, actual);
   EXPECT_LT((E.translation() - Vector3d(0, 0, 0.01)).norm(), 1e-15);
-  EXPECT_LT((E.linear() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-15);
+  EXPECT_LT((E.linear() - Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-15);
 }
 
 TEST(Chain, RefusesWhatIsNoMachine) {
@@ -378,14 +368,12 @@ TEST(Chain, RefusesHomePosesThatAreNotRigid) {
 TEST(Chain, StaysRigidWhereDirectionsAreUnitOnlyToTheirTolerance) {
   Joint C = turn('C', Side::Tool, Vector3d(0, 0, 1 + 9e-13));
   const Chain machine({C}, Pose::Identity(), Pose::Identity());
-  const Eigen::Matrix3d R = machine.tool_in_workpiece(axes({2.0})).linear();
-  EXPECT_LT((R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-15);
+  const Matrix3d R = machine.tool_in_workpiece(axes({2.0})).linear();
+  EXPECT_LT((R.transpose() * R - Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-15);
 }
 
 TEST(Chain, CarriagesCarryToolAndWorkpiece) {
-  const unsigned seed = 20261126;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20261126);
   std::uniform_real_distribution<double> unit(-1, 1);
   const Pose home_w = machines::placed({10, -20, 30}, 0.2, {2, 1, 2}),
              home_t = machines::placed({1, 2, 3}, 0.3, {1, 2, 2});
@@ -414,6 +402,192 @@ TEST(Chain, CarriagesCarryToolAndWorkpiece) {
     without[0] = 0.0;
     EXPECT_EQ(carriage_poses(chain, without, wrong)[1].matrix(), T[1].matrix());
   }
+}
+
+// A chain may turn by small angles in a cheaper way than motion() does; nobody may see it.
+TEST(ChainDeviation, IsTheProductOfTheExactMotionsAtEverySizeOfTheAngle) {
+  SeededRandom random(20260111);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  const Pose home = machines::placed({1, 2, 3}, 0.3, {1, 2, 2});
+  const Vector3d point_x(300, -200, 450), point_y(-120, 80, 700);
+  const Chain chain({machines::slide('X', Side::Tool, machines::x, point_x),
+                     machines::slide('Y', Side::Tool, machines::y, point_y)},
+                    Pose::Identity(), home);
+  double worst_turn = 0.0, worst_place = 0.0;
+  for (const double size : {0.0, 1e-300, 1e-150, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3, 3.1e-3, 3.2e-3,
+                            1e-2, 0.1, 1.0, 3.14, 10.0})
+    for (int i = 0; i < 200; ++i) {
+      const auto any = [&] { return Vector3d(unit(random), unit(random), unit(random)); };
+      std::vector<JointDeviation> wrong(2);
+      for (JointDeviation& one : wrong) {
+        one.motion << any(), size * any().normalized();
+        one.location << any(), size * any().normalized();
+      }
+      AxisVector q(2);
+      q << 100.0 * unit(random), 100.0 * unit(random);
+      const Pose expected =
+          motion(wrong[0].location, point_x) * Eigen::Translation3d(q[0] * machines::x) *
+          motion(wrong[0].motion, point_x) * motion(wrong[1].location, point_y) *
+          Eigen::Translation3d(q[1] * machines::y) * motion(wrong[1].motion, point_y) * home;
+      const Pose seen = chain.tool_in_workpiece(q, wrong);
+      worst_turn = std::max(worst_turn, (seen.linear() - expected.linear()).cwiseAbs().maxCoeff());
+      worst_place = std::max(worst_place, (seen.translation() - expected.translation()).norm());
+    }
+  std::cout << "largest difference: " << worst_turn << ", " << worst_place << " mm\n";
+  EXPECT_LT(worst_turn, 4e-15);
+  EXPECT_LT(worst_place, 4e-12);
+}
+
+std::string refusal(std::string_view code) {
+  return thrown_text<std::invalid_argument>([&] { parse_structural_code(code); }, "accepted");
+}
+
+TEST(StructuralCode, OfTheGantryHasItsAxesInOrder) {
+  const Topology expected = {{'C', Side::Workpiece}, {'X', Side::Tool}, {'Y', Side::Tool},
+                             {'Z', Side::Tool},      {'A', Side::Tool}, {'s', Side::Tool}};
+  EXPECT_EQ(parse_structural_code("w C' b X Y Z A s t"), expected);
+  EXPECT_EQ(parse_structural_code("wC'bXYZAst"), expected);
+  EXPECT_EQ(parse_structural_code("  w\tC 'bX YZ A s t "), expected);
+}
+
+TEST(StructuralCode, IsWrittenAsItIsRead) {
+  for (const char* code : {"w C' b X Y Z A s t", "w S' X' b Z t", "w C' A' b X Y Z s t",
+                           "w b X Y Z C A s t", "w X' Y' b Z s t", "w X' Y' Z' b t", "w b t",
+                           "w U' V' W' b X Y Z A s t", "w C' b X Y Z W A s t"}) {
+    const Topology topology = parse_structural_code(code);
+    EXPECT_EQ(to_string(topology), code);
+    EXPECT_EQ(parse_structural_code(to_string(topology)), topology);
+  }
+}
+
+TEST(StructuralCode, RefusalsSayWhatWasExpectedAndSeen) {
+  const std::string head = "structural code: expected ";
+  EXPECT_EQ(refusal(""), head + "w as the first letter, seen nothing");
+  EXPECT_EQ(refusal("  "), head + "w as the first letter, seen nothing");
+  EXPECT_EQ(refusal("b X t"), head + "w as the first letter, seen 'b'");
+  EXPECT_EQ(refusal("w"), head + "t as the last letter, seen 'w'");
+  EXPECT_EQ(refusal("w b X"), head + "t as the last letter, seen 'X'");
+  EXPECT_EQ(refusal("w b X b t"), head + "only one b, seen a second b");
+  EXPECT_EQ(refusal("w t"), head + "b for the bed, seen no b");
+  EXPECT_EQ(refusal("w X' t"), head + "b for the bed, seen no b");
+  EXPECT_EQ(refusal("w X b t"),
+            head + "a prime after 'X', which carries the workpiece, seen no prime");
+  EXPECT_EQ(refusal("w b X' t"), head + "no prime after 'X', which carries the tool, seen a prime");
+  EXPECT_EQ(refusal("w X' b X t"), head + "each letter only once, seen 'X' twice");
+  EXPECT_EQ(refusal("w b s X t"), head + "s directly before t, seen s elsewhere");
+  EXPECT_EQ(refusal("w s' b X t"), head + "s directly before t, seen s elsewhere");
+  EXPECT_EQ(refusal("w b X s' t"), head + "s directly before t, seen s elsewhere");
+  EXPECT_EQ(refusal("w b x t"), head + "an axis letter of XYZUVWABCS, b or s, seen 'x'");
+  EXPECT_EQ(refusal("w ' b X t"), head + "an axis letter of XYZUVWABCS, b or s, seen '''");
+  EXPECT_EQ(refusal(std::string("w b \n t")),
+            head + "an axis letter of XYZUVWABCS, b or s, seen a character of code 10");
+  EXPECT_EQ(refusal("w C\xc3\xa2 b t"),
+            head + "a prime after 'C', which carries the workpiece, seen no prime");
+  EXPECT_EQ(refusal(std::string("w b \0 t", 7)),
+            head + "an axis letter of XYZUVWABCS, b or s, seen a character of code 0");
+  EXPECT_EQ(refusal("w X' Y' Z' b U V W A B C t"), head + "at most 8 joints, seen 9");
+}
+
+TEST(StructuralCode, OfAMillionLettersIsRefusedAtTheFirstRepetition) {
+  EXPECT_EQ(refusal("w b" + std::string(1000000, 'X') + "t"),
+            "structural code: expected each letter only once, seen 'X' twice");
+}
+
+TEST(BodyArray, OfThePlatformIsPengs) {
+  const BodyArray array = low_order_body_array(parse_structural_code("w S' X' b Z s t"));
+  EXPECT_EQ(array.parent, (std::vector<int>{0, 1, 2, 0, 4, 5}));
+  EXPECT_EQ(array.body, (std::vector<std::string>{"X", "S", "workpiece", "Z", "s", "tool"}));
+}
+
+TEST(BodyArray, OfTheGantryHasTwoBranchesAtTheBed) {
+  const BodyArray array = low_order_body_array(parse_structural_code("w C' b X Y Z A s t"));
+  EXPECT_EQ(array.parent, (std::vector<int>{0, 1, 0, 3, 4, 5, 6, 7}));
+  EXPECT_EQ(array.body,
+            (std::vector<std::string>{"C", "workpiece", "X", "Y", "Z", "A", "s", "tool"}));
+}
+
+TEST(BodyArray, OfAMachineWithoutAxesIsWorkpieceAndTool) {
+  const BodyArray array = low_order_body_array({});
+  EXPECT_EQ(array.parent, (std::vector<int>{0, 0}));
+}
+
+// Poles against what poses show: the tool's direction, and what turning an axis does to it.
+
+Vector3d direction_at(const Chain& chain, const AxisVector& q) {
+  return chain.tool_in_workpiece(q).linear().col(2);
+}
+
+AxisVector with(AxisVector q, int joint, double value) {
+  q[joint] = value;
+  return q;
+}
+
+/// The line of the pole axis in the workpiece, measured: what stays while it turns.
+double angle_to_pole(const Chain& chain, const AxisVector& q, int axis) {
+  const Vector3d a = direction_at(chain, q);
+  const Vector3d b = direction_at(chain, with(q, axis, q[axis] + pi));
+  // half a turn about a line at angle t takes the tool by 2 t, or by pi - 2 (pi/2 - t) beyond
+  const double moved = angle_between(a, b);
+  return 0.5 * moved;
+}
+
+TEST(Pole, ByHandOnTheGantry) {
+  const Chain chain = machines::gantry();
+  const int c = *chain.find('C'), a = *chain.find('A');
+  const auto at = [&](double tilt) {
+    return with(AxisVector::Zero(chain.size()), a, tilt * units::deg);
+  };
+  const auto through = nearest_pole(chain, at(-5), at(3));
+  ASSERT_TRUE(through);
+  EXPECT_EQ(through->axis, c);
+  EXPECT_EQ(through->other, a);
+  EXPECT_LT(through->angle, 1e-15);
+  EXPECT_NEAR(nearest_pole(chain, at(2), at(7))->angle / units::deg, 2.0, 1e-12);
+  EXPECT_NEAR(nearest_pole(chain, at(-7), at(-3))->angle / units::deg, 3.0, 1e-12);
+  // upside down it is a pole as well, and a turn away the same one
+  EXPECT_LT(nearest_pole(chain, at(170), at(190))->angle, 1e-15);
+  EXPECT_LT(nearest_pole(chain, at(350), at(365))->angle, 1e-14);
+}
+
+TEST(Pole, ThereIsNoneWithoutTwoAxesThatTurnTheTool) {
+  const AxisVector q = AxisVector::Zero(machines::moving_table().size());
+  EXPECT_FALSE(nearest_pole(machines::moving_table(), q, q));
+  const Chain lathe = machines::platform();
+  EXPECT_FALSE(nearest_pole(lathe, AxisVector::Zero(lathe.size()), AxisVector::Zero(lathe.size())));
+}
+
+TEST(Pole, IsWhatPosesShowOnEveryMachine) {
+  SeededRandom random(20261126);
+  double worst = 0.0, worst_turn = 0.0;
+  for (const machines::Named& machine : machines::five_axis())
+    for (int i = 0; i < 1000; ++i) {
+      const Chain& chain = machine.chain;
+      const AxisVector from = machines::anywhere(chain, random),
+                       to = machines::anywhere(chain, random);
+      const auto here = nearest_pole(chain, from, from);
+      ASSERT_TRUE(here) << machine.name;
+      worst = std::max(worst, std::abs(here->angle - angle_to_pole(chain, from, here->axis)));
+      // along the way none is nearer, and one is as near
+      const auto way = nearest_pole(chain, from, to);
+      double least = pi;
+      for (int k = 0; k <= 200; ++k)
+        least = std::min(least, angle_to_pole(chain, from + k / 200.0 * (to - from), way->axis));
+      EXPECT_LE(way->angle, least + 1e-12) << machine.name;
+      EXPECT_GE(way->angle, least - pi / 200.0 * std::abs(to[way->other] - from[way->other]))
+          << machine.name;
+      // no small turn brings the tool nearer to a direction than the nearest one
+      const Vector3d wanted = direction_at(chain, to);
+      const double turn = nearest_rotary_position(chain, *here, from, wanted);
+      const auto off = [&](double by) {
+        return angle_between(direction_at(chain, with(from, here->other, turn + by)), wanted);
+      };
+      for (const double by : {-0.3, -1e-3, 1e-3, 0.3})
+        worst_turn = std::max(worst_turn, off(0) - off(by));
+    }
+  std::cout << "angle to the pole within " << worst << " rad; nearest turn missed by " << worst_turn
+            << " rad\n";
+  EXPECT_LT(worst, 1e-12);
+  EXPECT_LT(worst_turn, 1e-12);
 }
 
 }  // namespace

@@ -1,24 +1,10 @@
 #include "kinematics/inverse_kinematics.h"
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <iostream>
-#include <limits>
-#include <random>
-#include <stdexcept>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "tests/kinematics/machines.h"
-#include "tests/kinematics/nan.h"
+#include "tests/test.h"
 
 namespace abbe::kinematics {
 namespace {
 
-using namespace abbe::literals;
-using Eigen::Vector3d;
 using machines::slide;
 using machines::turn;
 using machines::x;
@@ -105,9 +91,7 @@ std::vector<double> angles_near_eighths() {
 }
 
 TEST(Inverse, BringsEveryPoseOfTheWorkspaceBack) {
-  const unsigned seed = 20250305;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250305);
   for (const auto& [name, chain] : machines::five_axis()) {
     SCOPED_TRACE(name);
     Worst worst;
@@ -121,9 +105,7 @@ TEST(Inverse, BringsEveryPoseOfTheWorkspaceBack) {
 }
 
 TEST(Inverse, BringsSingularAndNearlySingularPosesBack) {
-  const unsigned seed = 20250306;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250306);
   for (const auto& [name, chain] : machines::five_axis()) {
     SCOPED_TRACE(name);
     Worst worst;
@@ -141,9 +123,7 @@ TEST(Inverse, BringsSingularAndNearlySingularPosesBack) {
 }
 
 TEST(Inverse, BringsPosesAtAnyDistanceFromASingularOneBack) {
-  const unsigned seed = 20250307;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250307);
   std::uniform_real_distribution<double> decade(-17, 0);
   for (const auto& [name, chain] : machines::five_axis()) {
     SCOPED_TRACE(name);
@@ -175,9 +155,7 @@ TEST(Inverse, BringsPosesAtAnyDistanceFromASingularOneBack) {
 }
 
 TEST(Inverse, HoldsItsPromiseOnRandomMachines) {
-  const unsigned seed = 20250308;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250308);
   std::uniform_real_distribution<double> unit(-1, 1);
   std::normal_distribution<double> normal;
   const auto direction = [&]() -> Vector3d {
@@ -190,7 +168,7 @@ TEST(Inverse, HoldsItsPromiseOnRandomMachines) {
   int machines_tried = 0;
   for (int i = 0; i < 20000; ++i) {
     // three slides near to square, two rotary axes anywhere, in any order and on either side
-    const Eigen::Matrix3d frame = Eigen::AngleAxisd(pi * unit(random), direction()).matrix();
+    const Matrix3d frame = Eigen::AngleAxisd(pi * unit(random), direction()).matrix();
     std::vector<Joint> joints;
     for (int k = 0; k < 3; ++k)
       joints.push_back(
@@ -204,8 +182,8 @@ TEST(Inverse, HoldsItsPromiseOnRandomMachines) {
                       machines::placed(point(), pi * unit(random), direction()));
     const AxisVector q = machines::anywhere(chain, random);
     if (!solve_slides(chain, q, Vector3d::Zero())) continue;
-    const Eigen::MatrixXd J = [&] {  // slides that rotary axes bring near to a plane are left out
-      Eigen::MatrixXd columns(3, 0);
+    const MatrixXd J = [&] {  // slides that rotary axes bring near to a plane are left out
+      MatrixXd columns(3, 0);
       for (int k = 0; k < chain.size(); ++k) {
         if (chain.joints()[std::size_t(k)].motion != Motion::Linear) continue;
         AxisVector there = q;
@@ -216,7 +194,7 @@ TEST(Inverse, HoldsItsPromiseOnRandomMachines) {
       }
       return columns;
     }();
-    if (std::abs(Eigen::Matrix3d(J).determinant()) < 0.1) continue;
+    if (std::abs(Matrix3d(J).determinant()) < 0.1) continue;
     ++machines_tried;
     const TipTarget target = target_at(chain, q);
     const InverseSolution result = inverse(chain, target, q);
@@ -231,9 +209,7 @@ TEST(Inverse, HoldsItsPromiseOnRandomMachines) {
 }
 
 TEST(Inverse, TheNearestAloneIsTheFirstOfAllWithinLimits) {
-  const unsigned seed = 20251125;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20251125);
   std::uniform_real_distribution<double> unit(-1, 1);
   std::array<int, 4> seen{};
   for (int i = 0; i < 20000; ++i) {
@@ -245,7 +221,7 @@ TEST(Inverse, TheNearestAloneIsTheFirstOfAllWithinLimits) {
     }
     const Chain chain(joints, machines::gantry().T_bw_home(), machines::gantry().T_bt_home());
     AxisVector previous = AxisVector::Zero(chain.size());
-    for (Eigen::Index j = 0; j < previous.size(); ++j) previous[j] = 3 * unit(random);
+    for (Index j = 0; j < previous.size(); ++j) previous[j] = 3 * unit(random);
     TipTarget target{200 * Vector3d(unit(random), unit(random), unit(random)),
                      Vector3d(unit(random), unit(random), unit(random))};
     if (i % 10 == 0) target.direction_w = Vector3d::UnitZ();
@@ -263,9 +239,7 @@ TEST(Inverse, TheNearestAloneIsTheFirstOfAllWithinLimits) {
 }
 
 TEST(Inverse, FindsTheWayItCameFirst) {
-  const unsigned seed = 20250309;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250309);
   for (const auto& [name, chain] : machines::five_axis())
     for (int i = 0; i < 2000; ++i) {
       const AxisVector q = machines::anywhere(chain, random);
@@ -286,9 +260,7 @@ Chain without_limits(const Chain& chain) {
 }
 
 TEST(Inverse, BranchesAreAllThereAre) {
-  const unsigned seed = 20250310;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250310);
   for (const auto& [name, machine] : machines::five_axis())
     for (int i = 0; i < 50; ++i) {
       const Chain chain = without_limits(machine);
@@ -449,9 +421,7 @@ TEST(Inverse, LeavesOutBranchesBeyondLimits) {
 
 TEST(Inverse, ReachesALimitItself) {
   const Chain gantry = machines::gantry();
-  const unsigned seed = 20250311;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250311);
   for (int i = 0; i < 1000; ++i) {
     AxisVector q = machines::anywhere(gantry, random);
     q[4] = 120.0_deg;
@@ -674,9 +644,7 @@ TEST(Inverse, RefusesChainsThatAreNotThreeSlidesAndUpToTwoRotaryAxes) {
 }
 
 TEST(SlidesForTip, KeepsTheRotaryAxesAndReachesTheTip) {
-  const unsigned seed = 20250312;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250312);
   std::uniform_real_distribution<double> unit(-500, 500);
   double worst = 0;
   for (const auto& [name, chain] : machines::five_axis())

@@ -1,15 +1,8 @@
 #include "kinematics/decompositions.h"
-
-#include <cmath>
-#include <random>
-
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace abbe {
 namespace {
-
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
 
 MatrixXd drawn(int rows, int columns, unsigned seed) {
   std::mt19937 random(seed);

@@ -1,28 +1,12 @@
 #pragma once
 
 #include <sys/wait.h>
-
-#include <array>
-#include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <limits>
-#include <optional>
-#include <sstream>
-#include <stdexcept>
-#include <string>
-#include <utility>
-#include <vector>
-
 #include "tests/oracles/linuxcnc_folder.h"
+#include "tests/test.h"
 
 /// LinuxCNC's own kinematics modules as an oracle, each run in a process of its own by
 /// `hal_pins.c`.
 namespace abbe::linuxcnc {
-
-namespace fs = std::filesystem;
 
 inline std::optional<fs::path> modules() {
   const auto folder = oracles::linuxcnc_folder();

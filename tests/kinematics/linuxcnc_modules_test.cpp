@@ -4,20 +4,14 @@
 // turns of xyzac-trt and xyzbc-trt are those of the table itself, the reverse of ISO 841.
 
 #include "tests/kinematics/linuxcnc_modules.h"
-
-#include <iostream>
-#include <random>
-
-#include <gtest/gtest.h>
-
 #include "kinematics/chain.h"
 #include "kinematics/inverse_kinematics.h"
 #include "tests/kinematics/machines.h"
+#include "tests/test.h"
 
 namespace abbe::kinematics {
 namespace {
 
-using Eigen::Vector3d;
 using linuxcnc::KinematicsModule;
 using linuxcnc::Nine;
 using linuxcnc::Pin;

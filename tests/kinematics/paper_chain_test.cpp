@@ -1,15 +1,7 @@
 #include "tests/oracles/paper_chain.h"
-
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-#include <random>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "kinematics/chain.h"
 #include "tests/kinematics/machines.h"
+#include "tests/test.h"
 
 // The second chain knows the papers' body order only and takes rotations axis by axis; it is
 // independent of ours but for Eigen's matrix products. Its linearised form is not rigid: it is the
@@ -17,7 +9,6 @@
 namespace abbe::kinematics {
 namespace {
 
-using Eigen::Vector3d;
 using oracles::SixErrors;
 
 class Any {
@@ -95,7 +86,7 @@ struct Difference {
 };
 
 Difference difference(const Pose& a, const Eigen::Matrix4d& b) {
-  const Eigen::Matrix3d turned = a.linear().transpose() * b.topLeftCorner<3, 3>();
+  const Matrix3d turned = a.linear().transpose() * b.topLeftCorner<3, 3>();
   return {(a.translation() - b.topRightCorner<3, 1>()).norm(), rotation_vector(turned).norm()};
 }
 
@@ -243,7 +234,7 @@ TEST(Platform, OursEqualsTheExactMatricesSeenFromTheCarriage) {
     const Vector3d ours =
         chain.tool_in_workpiece(q, wrong).translation() - chain.tool_in_workpiece(q).translation();
     // his E stands in the bed; the carriage that sees it has turned by its own angles
-    const Eigen::Matrix3d R_bX = chain.workpiece_in_bed(q, wrong).linear();
+    const Matrix3d R_bX = chain.workpiece_in_bed(q, wrong).linear();
     const Vector3d E = platform_error(p, p_w, p_t, oracles::Angles::Exact);
     worst = std::max(worst, (ours + R_bX.transpose() * E).norm());
   }

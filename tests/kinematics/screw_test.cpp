@@ -1,16 +1,9 @@
 #include "kinematics/pose.h"
-
-#include <cmath>
-#include <iostream>
-#include <numbers>
-#include <random>
-
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace abbe::kinematics::screw_tests {
 namespace {
 
-using Eigen::Vector3d;
 constexpr double pi = std::numbers::pi;
 
 double apart(const Pose& a, const Pose& b) {

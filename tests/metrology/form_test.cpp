@@ -1,27 +1,12 @@
 #include "errors/metrology/form.h"
-
-#include <algorithm>
-#include <chrono>
-#include <cmath>
-#include <iostream>
-#include <random>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
-#include <Eigen/Geometry>
-
-#include "kinematics/units.h"
 #include "tests/oracles/form_oracle.h"
+#include "tests/test.h"
 
 namespace abbe::errors::metrology {
 namespace {
 
-using namespace abbe::literals;
-using Eigen::Index;
 using Eigen::MatrixX2d;
 using Eigen::MatrixX3d;
-using Eigen::Vector2d;
-using Eigen::Vector3d;
 
 template <typename Deviation>
 MatrixX2d circle(Index n, double radius, const Vector2d& centre, const Deviation& deviation,
@@ -44,9 +29,7 @@ TEST(LeastSquaresCircle, OfAnEllipseIsRoundByItsTwoAxes) {
 }
 
 TEST(LeastSquaresCircle, HasNoGradientLeft) {
-  const unsigned seed = 20250605;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250605);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   double worst = 0.0;
   for (int k = 0; k < 300; ++k) {
@@ -58,7 +41,7 @@ TEST(LeastSquaresCircle, HasNoGradientLeft) {
         40, radius, centre, [&](double) { return noise * unit(random); }, 0.0,
         k % 3 == 0 || noise < 1e-3 * radius ? arc : 2.0 * pi);
     const LeastSquaresCircle c = least_squares_circle(p);
-    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+    Vector3d gradient = Vector3d::Zero();
     for (Index i = 0; i < p.rows(); ++i) {
       const Vector2d d = p.row(i).transpose() - c.centre;
       const double e = d.norm() - c.radius;
@@ -71,9 +54,7 @@ TEST(LeastSquaresCircle, HasNoGradientLeft) {
 }
 
 TEST(MinimumZoneCircles, AgreeWithEveryCandidateTried) {
-  const unsigned seed = 20250606;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250606);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   double worst = 0.0, largest_gap = 0.0;
   int is_proven = 0;
@@ -97,9 +78,7 @@ TEST(MinimumZoneCircles, AgreeWithEveryCandidateTried) {
 }
 
 TEST(MinimumZoneCircles, AreNeverWiderThanThoseOfLeastSquares) {
-  const unsigned seed = 20250607;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250607);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   const auto start = std::chrono::steady_clock::now();
   const MatrixX2d p = circle(20000, 100.0, {10.0, 5.0}, [&](double t) {
@@ -167,9 +146,7 @@ MatrixX3d scattered(std::mt19937& random, Index n, double thickness) {
 }
 
 TEST(MinimumZonePlanes, AgreeWithEveryCandidateTried) {
-  const unsigned seed = 20250608;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250608);
   double worst = 0.0;
   int is_proven = 0;
   for (int k = 0; k < 300; ++k) {

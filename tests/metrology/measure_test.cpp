@@ -1,17 +1,9 @@
-#include <cmath>
-#include <iostream>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
-
 #include "errors/metrology/instrument.h"
-#include "kinematics/units.h"
 #include "tests/metrology/machines.h"
+#include "tests/test.h"
 
 using namespace abbe;
-using namespace abbe::literals;
 using namespace abbe::errors::metrology;
-using Eigen::VectorXd;
 using kinematics::AxisState;
 
 namespace {
@@ -121,7 +113,7 @@ TEST(Measure, ReversalIsReadBack) {
   const Readings r = measure(p, chain, machine, 1);
   for (std::size_t i = 0; i < p.measurements.size(); ++i) {
     const AxisState& state = p.measurements[i].state;
-    const double deviation = r.value[Eigen::Index(i)] - state.q[0];
+    const double deviation = r.value[Index(i)] - state.q[0];
     // The counter was set on the way up; the table that lies back reads the tool ahead.
     const double expected = state.direction[0] > 0 ? 0.0 : 2.0 * half;
     EXPECT_NEAR(deviation, expected, 1e-12);
@@ -141,7 +133,7 @@ TEST(Measure, CountersAreSetAtTheirFirstReading) {
   EXPECT_NEAR(r.value[0], first, 1e-12);
   for (std::size_t i = 0; i < p.measurements.size(); ++i) {
     const double q = p.measurements[i].state.q[1];
-    EXPECT_NEAR(r.value[Eigen::Index(i)], q + 1e-5 * (q - first), 1e-12);
+    EXPECT_NEAR(r.value[Index(i)], q + 1e-5 * (q - first), 1e-12);
   }
 }
 
@@ -189,9 +181,9 @@ TEST(Measure, TimeSinceASetUpCountsFromItsFirstReading) {
     double& start = first[std::size_t(p.measurements[k].set_up)];
     if (std::isnan(start)) {
       start = p.measurements[k].state.time_s;
-      EXPECT_EQ(since[Eigen::Index(k)], 0.0);
+      EXPECT_EQ(since[Index(k)], 0.0);
     }
-    EXPECT_EQ(since[Eigen::Index(k)], p.measurements[k].state.time_s - start);
+    EXPECT_EQ(since[Index(k)], p.measurements[k].state.time_s - start);
   }
 }
 
@@ -221,14 +213,14 @@ TEST(Measure, SpindleIsReadAsItTurnsAndAnEccentricBallGoesRound) {
       EXPECT_NEAR(p.measurements[k].state.q[joint],
                   2.0 * pi * (p.measurements[k].run + p.measurements[k].target / 64.0), 1e-12);
       double& most = p.measurements[k].channel == 4 ? axial : once;
-      most = std::max(most, std::abs(r.value[Eigen::Index(k)]));
+      most = std::max(most, std::abs(r.value[Index(k)]));
     }
     EXPECT_GT(once, 1.0_um);
     EXPECT_LT(axial, 1e-12);
     // One turn later everything is where it was.
     const std::size_t turn = p.measurements.size() / 2;
     for (std::size_t k = 0; k < turn; ++k)
-      ASSERT_NEAR(r.value[Eigen::Index(k)], r.value[Eigen::Index(k + turn)], 1e-12);
+      ASSERT_NEAR(r.value[Index(k)], r.value[Index(k + turn)], 1e-12);
   }
 }
 
@@ -249,6 +241,6 @@ TEST(Measure, PlansThatDoNotFitAreRefused) {
   refused([](Plan& p) { p.measurements[3].state.time_s = INFINITY; });
   refused([](Plan& p) {  // a mirror edge on
     p.set_ups[0].channels[0].quantity = Quantity::Mirror;
-    p.set_ups[0].channels[0].normal_of = Eigen::Vector3d::UnitZ();
+    p.set_ups[0].channels[0].normal_of = Vector3d::UnitZ();
   });
 }

@@ -1,23 +1,11 @@
-#include "errors/metrology/readings.h"
-
-#include <cmath>
-#include <functional>
-#include <iostream>
-#include <random>
-
-#include <gtest/gtest.h>
-#include <Eigen/Geometry>
-
 #include "errors/metrology/instrument.h"
+#include "errors/metrology/readings.h"
 #include "kinematics/decompositions.h"
-#include "kinematics/units.h"
 #include "tests/metrology/machines.h"
+#include "tests/test.h"
 
 using namespace abbe;
-using namespace abbe::literals;
 using namespace abbe::errors::metrology;
-using Eigen::Vector3d;
-using Eigen::VectorXd;
 using kinematics::AxisState;
 using kinematics::Deviation;
 using kinematics::Pose;
@@ -70,8 +58,8 @@ Channel any_channel(Draw& draw, Quantity quantity, const BodyPoses& bodies) {
   c.point_of = draw.vector(300.0);
   c.point_in = draw.vector(300.0);
   c.direction_in = draw.direction();
-  const auto R_b = [&](Body body) -> Eigen::Matrix3d {
-    if (body == Body::Bed) return Eigen::Matrix3d::Identity();
+  const auto R_b = [&](Body body) -> Matrix3d {
+    if (body == Body::Bed) return Matrix3d::Identity();
     return (body == Body::Tool ? bodies.T_bt : bodies.T_bw).linear();
   };
   do c.normal_of = draw.direction();
@@ -113,8 +101,8 @@ TEST(Observable, BallBarReadsSquarenessAsAnEllipseOfWidthRadiusTimesAngle) {
     return d;
   });
   const Readings r = measure(plan(bar, chain), chain, machine, 1);
-  Eigen::MatrixXd A(r.value.size(), 3);
-  for (Eigen::Index i = 0; i < r.value.size(); ++i) {
+  MatrixXd A(r.value.size(), 3);
+  for (Index i = 0; i < r.value.size(); ++i) {
     const double angle = 2.0 * pi * r.plan.measurements[std::size_t(i)].target / 360.0;
     A.row(i) << 1.0, std::cos(angle), std::sin(angle);
   }
@@ -168,7 +156,7 @@ TEST(Observable, CentreOffsetOfATableIsACircleOfItsLengthOnTheRTest) {
   const Readings r = measure(p, chain, machine, 1);
   double most = 0.0, radius_least = 1.0, radius_most = 0.0;
   for (std::size_t i = 0; i < p.measurements.size(); i += 3) {
-    const Vector3d read = r.value.segment<3>(Eigen::Index(i));
+    const Vector3d read = r.value.segment<3>(Index(i));
     most = std::max(most, read.norm());
     const double radius = (read - d).norm();  // zeroed at C = 0, so that the centre is at d
     radius_least = std::min(radius_least, radius);
@@ -214,8 +202,8 @@ TEST(Observable, StepDiagonalAddsUpToTheBodyDiagonalForErrorsOfTranslation) {
       double first = NAN, last = NAN;
       for (std::size_t i = 0; i < r.plan.measurements.size(); ++i) {
         if (r.plan.measurements[i].set_up != diagonal) continue;
-        if (std::isnan(first)) first = r.value[Eigen::Index(i)];
-        last = r.value[Eigen::Index(i)];
+        if (std::isnan(first)) first = r.value[Index(i)];
+        last = r.value[Index(i)];
       }
       return last - first;
     };
@@ -244,8 +232,8 @@ TEST(Observable, LevelFeelsNoTurnAboutThePlumbLineAndRollLinesDo) {
       double low = INFINITY, high = -INFINITY;
       for (std::size_t k = 0; k < r.plan.measurements.size(); ++k) {
         if (r.plan.measurements[k].channel != channel) continue;
-        low = std::min(low, r.value[Eigen::Index(k)]);
-        high = std::max(high, r.value[Eigen::Index(k)]);
+        low = std::min(low, r.value[Index(k)]);
+        high = std::max(high, r.value[Index(k)]);
       }
       spans[channel] = high - low;
     }
@@ -383,9 +371,9 @@ TEST(Observable, GradientOfUnknownsIsThatOfTheReading) {
     const double angle = draw.number(4.0), since = 10.0;
     const VectorXd g = unknowns_gradient(s, channel, bodies, angle, since);
     const std::vector<SetUpUnknown> list = unknowns(s);
-    ASSERT_EQ(g.size(), Eigen::Index(list.size()));
+    ASSERT_EQ(g.size(), Index(list.size()));
     ASSERT_EQ(g.size(), 2 + 3 + 3 + 3 + 2 + 2 + 1 + 1);
-    for (Eigen::Index k = 0; k < g.size(); ++k) {
+    for (Index k = 0; k < g.size(); ++k) {
       const bool turns = list[std::size_t(k)].name.find("turn") != std::string::npos ||
                          list[std::size_t(k)].name.find("rotation") != std::string::npos ||
                          list[std::size_t(k)].name == "scale";
@@ -415,7 +403,7 @@ TEST(Observable, UnknownsComeBackFromAMisalignment) {
   s.is_zero_unknown = true;
   s.rotation_sigma = s.point_in_sigma = s.normal_sigma = s.eccentricity_sigma = s.drift_sigma =
       1e-3;
-  VectorXd v(Eigen::Index(unknowns(s).size()));
+  VectorXd v(Index(unknowns(s).size()));
   for (double& x : v) x = draw.number(1.0);
   EXPECT_LT((values(s, misalignment(s, v)) - v).norm(), 1e-15);
   EXPECT_TRUE(std::isinf(unknowns(s)[0].sigma));
@@ -457,7 +445,7 @@ TEST(Observable, TrackerReadsThreeComponentsOfTheErrorAtEveryPlace) {
       const Channel& c = p.set_ups[0].channels[std::size_t(p.measurements[j].channel)];
       const Vector3d beam = (ideal.T_bw.inverse() * ideal.T_bt).translation() - c.point_in;
       const Vector3d u = c.quantity == Quantity::Length ? beam.normalized() : c.direction_in;
-      error += u * (r.value[Eigen::Index(j)] -
+      error += u * (r.value[Index(j)] -
                     reading(p.set_ups[0], p.measurements[j].channel, {}, ideal, ideal));
     }
     worst = std::max(worst, (error - d * (1.0 + state.q[1] / 300.0)).norm());

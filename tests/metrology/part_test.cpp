@@ -1,21 +1,10 @@
 #include "errors/metrology/part.h"
-
-#include <cmath>
-#include <iostream>
-#include <random>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
-
 #include "kinematics/pose.h"
-#include "kinematics/units.h"
 #include "tests/metrology/machines.h"
+#include "tests/test.h"
 
 using namespace abbe;
-using namespace abbe::literals;
 using namespace abbe::errors::metrology;
-using Eigen::Index;
-using Eigen::Vector3d;
 using kinematics::AxisState;
 
 namespace {
@@ -52,7 +41,7 @@ PartSurface dome(double R, int rings) {
 TouchProbe exact_probe(const machines::Chain& chain) {
   TouchProbe probe;
   probe.noise = 0.0;
-  probe.q = Eigen::VectorXd::Zero(chain.size());
+  probe.q = VectorXd::Zero(chain.size());
   return probe;
 }
 
@@ -98,7 +87,7 @@ TEST(Probe, ReadsDeviationLessTheErrorOfTheTipAlongTheNormal) {
     const auto tip = [&](const kinematics::AxisVector& q) -> Vector3d {
       return chain.tool_in_workpiece(q).translation();
     };
-    Eigen::Matrix3d slides;
+    Matrix3d slides;
     for (int k = 0; k < 3; ++k) {
       kinematics::AxisVector q = state.q;
       q[2 + k] += 1.0;
@@ -198,7 +187,7 @@ TEST(Probe, SkipsWhatWasNotCutAndRefusesWhatCannotBe) {
   with = touch;
   with.noise = NAN;
   refused(part, with);
-  const PartSurface nothing{Eigen::MatrixX3d(0, 3), Eigen::MatrixX3d(0, 3), Eigen::VectorXd(0)};
+  const PartSurface nothing{Eigen::MatrixX3d(0, 3), Eigen::MatrixX3d(0, 3), VectorXd(0)};
   EXPECT_EQ(probe(nothing, chain, machines::perfect(chain), touch).deviation.size(), 0);
 }
 
@@ -210,7 +199,7 @@ TEST(Probe, NoiseAndRoundingAreThoseStated) {
   touch.resolution = 0.1_um;
   touch.seed = 20250421;
   const PartReadings r = probe(part, chain, machines::perfect(chain), touch);
-  const Eigen::VectorXd left = r.deviation - part.deviation;
+  const VectorXd left = r.deviation - part.deviation;
   const double sd = std::sqrt(left.squaredNorm() / double(left.size()));
   std::cout << "seed " << touch.seed << ": sd " << sd << " mm, stated " << r.sigma << " mm\n";
   EXPECT_NEAR(sd / r.sigma, 1.0, 4.0 / std::sqrt(2.0 * double(left.size())));
@@ -293,7 +282,7 @@ TEST(CoordinateMeasuringMachine, BothSidesOfAThinWallAreRead) {
   wall.normals_w.resize(2, 3);
   wall.points_w << 0, 0, 0, 0, 1, 0;
   wall.normals_w << 0, -1, 0, 0, 1, 0;
-  wall.deviation = Eigen::Vector2d(1.0_um, 2.0_um);
+  wall.deviation = Vector2d(1.0_um, 2.0_um);
   CoordinateMeasuringMachine machine;
   EXPECT_EQ(measure_coordinates(wall, machine).deviation.size(), 2);
   wall.deviation[0] = NAN;

@@ -1,18 +1,9 @@
-#include <cmath>
-#include <iostream>
-#include <map>
-#include <set>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
-
 #include "errors/metrology/instrument.h"
-#include "kinematics/units.h"
 #include "tests/metrology/machines.h"
+#include "tests/test.h"
 
 using namespace abbe;
 using namespace abbe::errors::metrology;
-using Eigen::Vector3d;
 
 namespace {
 
@@ -57,12 +48,7 @@ void visit_all(
 }
 
 std::string sentence(const std::function<void()>& f) {
-  try {
-    f();
-  } catch (const std::invalid_argument& fault) {
-    return fault.what();
-  }
-  return "nothing thrown";
+  return thrown_text<std::invalid_argument>([&] { f(); }, "nothing thrown");
 }
 
 }  // namespace
@@ -256,8 +242,8 @@ TEST(Plan, SlidesFollowSoThatThePerfectMachineReadsNothing) {
       const Measurement& measurement = p.measurements[k];
       const metrology::SetUp& s = p.set_ups[std::size_t(measurement.set_up)];
       const BodyPoses b = nominal_bodies(machine.chain, measurement.state.q);
-      worst = std::max(
-          worst, std::abs(r.value[Eigen::Index(k)] - reading(s, measurement.channel, {}, b, b)));
+      worst =
+          std::max(worst, std::abs(r.value[Index(k)] - reading(s, measurement.channel, {}, b, b)));
       double expected = NAN;
       if (i.kind == Kind::Laser) expected = measurement.state.q[*machine.chain.find(s.name[0])];
       if (i.kind == Kind::BallBar || i.kind == Kind::BallBarRotary) expected = i.radius;
@@ -266,7 +252,7 @@ TEST(Plan, SlidesFollowSoThatThePerfectMachineReadsNothing) {
           i.kind == Kind::RollLines || i.kind == Kind::Spindle || i.kind == Kind::Drift)
         expected = 0.0;
       if (!std::isnan(expected)) {
-        ASSERT_NEAR(r.value[Eigen::Index(k)], expected, 1e-9) << s.name;
+        ASSERT_NEAR(r.value[Index(k)], expected, 1e-9) << s.name;
       }
     }
     EXPECT_LT(worst, 1e-12);
@@ -383,9 +369,7 @@ TEST(Plan, SlidesWithoutLimitsAreRefused) {
   std::vector<machines::Joint> joints = machines::lathe().joints();
   joints[1].min = -1e9;
   const machines::Chain chain(joints, machines::lathe().T_bw_home(), machines::lathe().T_bt_home());
-  EXPECT_NE(
-      sentence([&] { plan(typical_instrument(Kind::Laser), chain); }).find("travel limits of Z"),
-      std::string::npos);
+  EXPECT_HAS(sentence([&] { plan(typical_instrument(Kind::Laser), chain); }), "travel limits of Z");
 }
 
 TEST(Plan, WordsOfKindsComeBack) {

@@ -1,16 +1,6 @@
 #include "errors/metrology/position_file.h"
-
-#include <chrono>
-#include <cmath>
-#include <iostream>
-#include <random>
-#include <string>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/units.h"
 #include "tests/injured.h"
+#include "tests/test.h"
 
 namespace abbe::errors::metrology {
 namespace {
@@ -74,7 +64,7 @@ TEST(PositionCsv, OneReadingARowIsRead) {
   const auto sets = read_position_csv(long_form, "a.csv");
   ASSERT_EQ(sets.size(), 1u);
   EXPECT_FALSE(sets[0].rotary);
-  EXPECT_EQ(sets[0].runs.target, Eigen::Vector2d(0, 100));
+  EXPECT_EQ(sets[0].runs.target, Vector2d(0, 100));
   EXPECT_DOUBLE_EQ(sets[0].runs.up(1, 0), 2.5e-3);
   EXPECT_DOUBLE_EQ(sets[0].runs.down(0, 0), -2e-3);
   EXPECT_DOUBLE_EQ(sets[0].runs.down(1, 0), -1.5e-3);
@@ -220,9 +210,7 @@ TEST(PositionFile, TooMuchIsRefusedBeforeItIsHeld) {
 }
 
 TEST(PositionFile, InjuredFilesAreReadOrRefused) {
-  const unsigned seed = 20250613;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250613);
   int read = 0, refused = 0;
   const auto start = std::chrono::steady_clock::now();
   for (int k = 0; k < 30000; ++k) {

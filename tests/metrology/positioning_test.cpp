@@ -1,33 +1,16 @@
 #include "errors/metrology/positioning.h"
-
-#include <algorithm>
-#include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iostream>
-#include <limits>
-#include <map>
-#include <random>
-#include <sstream>
-#include <stdexcept>
-#include <string>
-
-#include <gtest/gtest.h>
-
+#include "errors/metrology/drift.h"
 #include "errors/metrology/position_file.h"
 #include "kinematics/text.h"
-#include "kinematics/units.h"
+#include "tests/test.h"
 
 namespace abbe::errors::metrology {
 namespace {
 
-using namespace abbe::literals;
-
 /// Deviations in units that a hand can add up: means 2 and 0 up, -1 and 1 down.
 PositionRuns by_hand() {
   PositionRuns runs;
-  runs.target = Eigen::Vector2d(0.0, 100.0);
+  runs.target = Vector2d(0.0, 100.0);
   runs.up.resize(2, 3);
   runs.up << 1, 2, 3, 0, 0, 0;
   runs.down.resize(2, 3);
@@ -38,21 +21,21 @@ PositionRuns by_hand() {
 TEST(Positioning, AgreesWithASheetOfPaper) {
   const Positioning p = positioning(by_hand());
   ASSERT_TRUE(p.up && p.down && p.R && p.A);
-  EXPECT_EQ(p.up->mean, Eigen::Vector2d(2, 0));
-  EXPECT_EQ(p.down->mean, Eigen::Vector2d(-1, 1));
-  EXPECT_EQ(p.up->s, Eigen::Vector2d(1, 0));
-  EXPECT_EQ(p.down->s, Eigen::Vector2d(0, 2));
-  EXPECT_EQ(p.reversal, Eigen::Vector2d(3, -1));
+  EXPECT_EQ(p.up->mean, Vector2d(2, 0));
+  EXPECT_EQ(p.down->mean, Vector2d(-1, 1));
+  EXPECT_EQ(p.up->s, Vector2d(1, 0));
+  EXPECT_EQ(p.down->s, Vector2d(0, 2));
+  EXPECT_EQ(p.reversal, Vector2d(3, -1));
   EXPECT_EQ(*p.B, 3.0);
   EXPECT_EQ(*p.B_mean, 1.0);
-  EXPECT_EQ(p.mean, Eigen::Vector2d(0.5, 0.5));
+  EXPECT_EQ(p.mean, Vector2d(0.5, 0.5));
   EXPECT_EQ(*p.M, 0.0);
   EXPECT_EQ(p.up->E, 2.0);
   EXPECT_EQ(p.down->E, 2.0);
   EXPECT_EQ(*p.E, 3.0);
   EXPECT_EQ(*p.up->R, 4.0);
   EXPECT_EQ(*p.down->R, 8.0);
-  EXPECT_EQ(p.repeatability, Eigen::Vector2d(5, 8));  // 2*1 + 0 + 3; max(0 + 2*2 + 1, 0, 8)
+  EXPECT_EQ(p.repeatability, Vector2d(5, 8));  // 2*1 + 0 + 3; max(0 + 2*2 + 1, 0, 8)
   EXPECT_EQ(*p.R, 8.0);
   EXPECT_EQ(*p.up->A, 4.0);    // up to 4, down to 0
   EXPECT_EQ(*p.down->A, 8.0);  // up to 5, down to -3
@@ -91,11 +74,11 @@ TEST(Positioning, RefusesWhatIsNoMeasurement) {
 /// From the definitions, a reading at a time, with sums of squares instead of deviations.
 double brute_A(const PositionRuns& runs) {
   long double high = -1e30L, low = 1e30L;
-  for (const Eigen::MatrixXd* way : {&runs.up, &runs.down})
-    for (Eigen::Index i = 0; i < way->rows(); ++i) {
+  for (const MatrixXd* way : {&runs.up, &runs.down})
+    for (Index i = 0; i < way->rows(); ++i) {
       long double sum = 0, squares = 0;
       const auto n = static_cast<long double>(way->cols());
-      for (Eigen::Index j = 0; j < way->cols(); ++j) {
+      for (Index j = 0; j < way->cols(); ++j) {
         sum += (*way)(i, j);
         squares += static_cast<long double>((*way)(i, j)) * (*way)(i, j);
       }
@@ -107,17 +90,15 @@ double brute_A(const PositionRuns& runs) {
 }
 
 TEST(Positioning, AgreesWithTheDefinitionsOnRandomReadings) {
-  const unsigned seed = 20250601;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20250601);
   std::normal_distribution<double> noise(0.0, 5.0_um);
   double worst = 0.0;
   for (int k = 0; k < 300; ++k) {
     PositionRuns runs;
-    const Eigen::Index m = 2 + k % 20, n = 2 + k % 6;
-    runs.target = Eigen::VectorXd::LinSpaced(m, -200.0, 300.0);
-    runs.up = Eigen::MatrixXd::NullaryExpr(m, n, [&] { return noise(random); });
-    runs.down = Eigen::MatrixXd::NullaryExpr(m, n, [&] { return noise(random) + 2.0_um; });
+    const Index m = 2 + k % 20, n = 2 + k % 6;
+    runs.target = VectorXd::LinSpaced(m, -200.0, 300.0);
+    runs.up = MatrixXd::NullaryExpr(m, n, [&] { return noise(random); });
+    runs.down = MatrixXd::NullaryExpr(m, n, [&] { return noise(random) + 2.0_um; });
     const Positioning p = positioning(runs);
     worst = std::max(worst, std::abs(*p.A - brute_A(runs)));
     // what always holds between the quantities
@@ -130,14 +111,14 @@ TEST(Positioning, AgreesWithTheDefinitionsOnRandomReadings) {
   EXPECT_LT(worst, 1e-15);  // mm: a few ulp of 20 um
 }
 
-std::filesystem::path validation(const std::string& name) {
+fs::path validation(const std::string& name) {
   const char* folder = std::getenv("ABBE_VALIDATION");
-  return folder ? std::filesystem::path(folder) / name : std::filesystem::path();
+  return folder ? fs::path(folder) / name : fs::path();
 }
 
 TEST(Positioning, GivesEveryDigitOfTheReferenceSets) {
   const auto raw = validation("iso230_2_raw.csv"), wanted = validation("iso230_2_expected.csv");
-  if (!std::filesystem::exists(raw) || !std::filesystem::exists(wanted))
+  if (!fs::exists(raw) || !fs::exists(wanted))
     GTEST_SKIP() << "ABBE_VALIDATION does not name a folder with iso230_2_raw.csv";
   std::map<std::string, std::map<std::string, double>> found;
   for (const PositionSet& set : read_positions(read_text(raw, 1 << 24), raw.string())) {
@@ -165,6 +146,91 @@ TEST(Positioning, GivesEveryDigitOfTheReferenceSets) {
   }
   std::cout << rows << " quantities, at most " << worst << " mm off six printed decimals\n";
   EXPECT_EQ(rows, 36);
+}
+
+DiagonalRuns diagonal_runs(std::array<int, 3> signs, double slope, double reversal) {
+  DiagonalRuns d{signs, {}};
+  d.runs.target = VectorXd::LinSpaced(11, 0.0, 700.0);
+  d.runs.up = (slope * d.runs.target) * Eigen::RowVector3d::Ones();
+  d.runs.down = d.runs.up.array() - reversal;
+  return d;
+}
+
+TEST(Diagonals, TheWorstOfTheSetIsTheSetsFigure) {
+  const Diagonals d = diagonals(
+      {diagonal_runs({1, 1, 1}, 10e-6, 1.0_um), diagonal_runs({-1, 1, 1}, -30e-6, 2.0_um)});
+  ASSERT_EQ(d.each.size(), 2u);
+  EXPECT_NEAR(d.E_d, 21.0_um + 2.0_um, 1e-12);
+  EXPECT_NEAR(*d.B_d, 2.0_um, 1e-15);
+  EXPECT_NEAR(*d.each[0].E, 7.0_um + 1.0_um, 1e-12);
+  DiagonalRuns up = diagonal_runs({1, -1, 1}, 50e-6, 0.0);
+  up.runs.down.resize(0, 0);
+  const Diagonals mixed = diagonals({diagonal_runs({1, 1, 1}, 10e-6, 1.0_um), up});
+  EXPECT_NEAR(mixed.E_d, 35.0_um, 1e-12);
+  EXPECT_FALSE(mixed.B_d);
+}
+
+TEST(Diagonals, RefusesWhatIsNoSetOfDiagonals) {
+  EXPECT_THROW(diagonals({}), std::invalid_argument);
+  EXPECT_THROW(diagonals({diagonal_runs({1, 0, 0}, 0, 0)}), std::invalid_argument);
+  EXPECT_THROW(diagonals({diagonal_runs({2, 1, 1}, 0, 0)}), std::invalid_argument);
+  EXPECT_THROW(diagonals({diagonal_runs({1, 1, -1}, 0, 0), diagonal_runs({-1, -1, 1}, 0, 0)}),
+               std::invalid_argument);
+  EXPECT_NO_THROW(diagonals({diagonal_runs({1, 1, 0}, 0, 0), diagonal_runs({-1, 1, 0}, 0, 0)}));
+}
+
+/// Spindle that warms up: 1 - exp(-t / 1 h), on for four hours, off for two.
+DriftLog warming(Index n) {
+  DriftLog log{VectorXd::LinSpaced(n, 0.0, 6 * 3600.0), {"Z"}, MatrixXd(n, 1)};
+  const auto on = [](double t) { return 50.0_um * (1.0 - std::exp(-t / 3600.0)); };
+  for (Index i = 0; i < n; ++i) {
+    const double t = log.time_s[i];
+    log.values(i, 0) = t < 14400.0 ? on(t) : on(14400.0) * std::exp(-(t - 14400.0) / 3600.0);
+  }
+  return log;
+}
+
+TEST(Drift, OfAWarmingSpindleIsThatOfItsExponential) {
+  const DriftLog log = warming(2161);  // every ten seconds
+  const auto found = drift(
+      log, {{"first hour", 0.0, 3600.0}, {"running", 0.0, 14400.0}, {"after", 14400.0, 21600.0}});
+  ASSERT_EQ(found.size(), 3u);
+  EXPECT_NEAR(found[0].range[0], 50.0_um * (1.0 - std::exp(-1.0)), 1e-12);
+  EXPECT_NEAR(found[1].range[0], 50.0_um * (1.0 - std::exp(-4.0)), 1e-12);
+  EXPECT_NEAR(found[2].change[0], -50.0_um * (1.0 - std::exp(-4.0)) * (1.0 - std::exp(-2.0)),
+              1e-12);
+}
+
+TEST(Drift, EndsBetweenSamplesAreStraightLines) {
+  DriftLog log{Vector3d(0, 10, 20), {"X", "Y"}, MatrixXd(3, 2)};
+  log.values << 0, 0, 10, -1, 0, 0;
+  const auto found = drift(log, {{"a", 5, 12}, {"b", 12, 18}, {"all", 0, 20}});
+  EXPECT_DOUBLE_EQ(found[0].range[0], 5.0);
+  EXPECT_DOUBLE_EQ(found[0].range[1], 0.5);
+  EXPECT_DOUBLE_EQ(found[0].change[0], 3.0);
+  EXPECT_DOUBLE_EQ(found[1].range[0], 6.0);
+  EXPECT_DOUBLE_EQ(found[2].range[0], 10.0);
+  EXPECT_DOUBLE_EQ(found[2].change[0], 0.0);
+}
+
+TEST(Drift, RefusesWhatIsNoLog) {
+  const DriftLog good = warming(10);
+  const auto refuses = [](const DriftLog& log, DriftInterval interval) {
+    EXPECT_THROW(drift(log, {interval}), std::invalid_argument) << interval.from_s;
+  };
+  refuses(good, {"", 5, 5});
+  refuses(good, {"", -1, 5});
+  refuses(good, {"", 5, 1e9});
+  refuses(good, {"", std::nan(""), 5});
+  DriftLog bad = good;
+  bad.time_s[3] = bad.time_s[2];
+  refuses(bad, {"", 0, 5});
+  bad = good;
+  bad.values(0, 0) = std::nan("");
+  refuses(bad, {"", 0, 5});
+  bad = good;
+  bad.names.clear();
+  refuses(bad, {"", 0, 5});
 }
 
 }  // namespace

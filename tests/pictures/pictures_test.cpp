@@ -1,23 +1,11 @@
 // The pictures of the documents are what the program draws. ABBE_WRITE_PICTURES=1 draws them all
 // and writes them; those that take a moment are held in every run, all of them under ABBE_LONG=1.
 
-#include <algorithm>
-#include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <iostream>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
-#include <unistd.h>
-
 #include "tests/render/picture.h"
+#include "tests/test.h"
 
 namespace abbe::render {
 namespace {
-
-namespace fs = std::filesystem;
 
 /// A picture of the documents, and how it is made.
 struct Made {

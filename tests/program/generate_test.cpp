@@ -1,16 +1,11 @@
-#include "sim/program/generators.h"
-
-#include <gtest/gtest.h>
-
-#include <iostream>
-
 #include "machines.h"
+#include "sim/program/generators.h"
 #include "sim/program/program_writers.h"
+#include "tests/test.h"
 
 namespace abbe::sim::program {
 namespace {
 
-using Eigen::Vector3d;
 using test::AxisVector;
 
 constexpr double half_word = 0.5e-7;  // mm, rounding of the words
@@ -152,7 +147,7 @@ TEST(Raster, PositiveLeadLeansTheAxisTowardsTheFeedAndTiltAcross) {
 }
 
 TEST(Raster, CutterOfAnyShapeTouchesItsContactAndNothingElse) {
-  for (const cutting::Cutter cutter :
+  for (const cutting::Cutter& cutter :
        {cutting::Cutter{5, 5, 20}, cutting::Cutter{5, 1, 20}, cutting::Cutter{5, 0, 20}})
     for (const double lead : {0.0, 0.2}) {
       Raster raster;
@@ -286,7 +281,7 @@ TEST(Flank, FlankTouchesTheConeAlongItsGenerator) {
 }
 
 /// Nose centre (r signed, z) of the platform in the part, spindle at zero, read from its chain.
-Eigen::Vector2d centre(const AxisVector& q) {
+Vector2d centre(const AxisVector& q) {
   AxisVector still = q;
   still[0] = 0;
   const Vector3d tip_w = test::platform().tool_in_workpiece(still).translation();
@@ -294,7 +289,7 @@ Eigen::Vector2d centre(const AxisVector& q) {
   return {tip_w.y(), tip_w.z()};
 }
 
-double distance(const Eigen::Vector2d& p, const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+double distance(const Vector2d& p, const Vector2d& a, const Vector2d& b) {
   const double t = std::clamp((p - a).dot(b - a) / (b - a).squaredNorm(), 0.0, 1.0);
   return (p - a - t * (b - a)).norm();
 }
@@ -315,7 +310,7 @@ TEST(Spiral, PlaneIsFacedAtAConstantFeedOnAStraightLine) {
     for (int k = 0; k <= 8; ++k) {
       const double t = block.start_s + k / 8.0 * (block.end_s - block.start_s);
       const AxisVector q = position(path, block, k / 8.0);
-      const Eigen::Vector2d at = centre(q);
+      const Vector2d at = centre(q);
       off = std::max({off, std::abs(at.y() - 0.249), std::abs(q[0] - 5 * pi * t) * 1e-3});
       if (t < arrival - 1e-3) off = std::max(off, std::abs(at.x() - (10.82 - rate * t)));
       if (t > arrival + 1e-3) off = std::max(off, std::abs(at.x()));
@@ -336,7 +331,7 @@ TEST(Spiral, NoseTouchesConeAndSphereAndBridgesTheCorner) {
   const double slope = 0.04, length = std::hypot(1.0, slope);
   for (const Block& block : path.blocks)
     for (int k = 0; k <= 8; ++k) {
-      const Eigen::Vector2d c = centre(position(path, block, k / 8.0));
+      const Vector2d c = centre(position(path, block, k / 8.0));
       const double to_cone = (c.y() + slope * std::abs(c.x()) - 0.4) / length;
       const double gap = std::min({distance(c, {-10, 0}, {0, 0.4}), distance(c, {0, 0.4}, {10, 0}),
                                    distance(c, {10, 0}, {12, 0})}) -
@@ -356,7 +351,7 @@ TEST(Spiral, NoseTouchesConeAndSphereAndBridgesTheCorner) {
   double off = 0;
   for (const Block& block : sphere.blocks)
     for (int k = 0; k <= 8; ++k) {
-      const Eigen::Vector2d c = centre(position(sphere, block, k / 8.0));
+      const Vector2d c = centre(position(sphere, block, k / 8.0));
       if (c.x() < 9.9) off = std::max(off, std::abs(std::hypot(c.x(), c.y() + 125.2) - 125.2 - a));
     }
   std::cout << "sphere off by " << off << " mm\n";
@@ -373,7 +368,7 @@ TEST(Spiral, NcTextTurnsTheSameSpiral) {
   for (const Block& block : path.blocks) {
     if (block.interpolation != Interpolation::Line) continue;
     if (!first) first = &block;
-    const Eigen::Vector2d c = centre(block.end);
+    const Vector2d c = centre(block.end);
     const double turned = block.end[0] - first->start[0];
     off = std::max({off, std::abs(c.y() - 0.249),
                     std::abs(c.x() - std::max(0.0, 10.02 - 0.1 * turned / (2 * pi)))});

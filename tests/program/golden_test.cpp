@@ -2,23 +2,13 @@
 // tests/corpus/nc and tests/corpus/pvt is refused with the message that expected.txt has for it.
 // With ABBE_UPDATE_GOLDEN set the expectations are written instead; then read them.
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cstdlib>
-#include <filesystem>
-#include <map>
-#include <sstream>
-#include <vector>
-
-#include "kinematics/bad_input.h"
 #include "machines.h"
 #include "sim/program/program_writers.h"
+#include "tests/test.h"
 
 namespace abbe::sim::program {
 namespace {
 
-namespace fs = std::filesystem;
 using kinematics::AxisVector;
 
 const fs::path tests = fs::path(ABBE_SOURCE_DIR) / "tests";

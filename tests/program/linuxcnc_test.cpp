@@ -1,19 +1,11 @@
 // Rewritten programs in axis coordinates read by LinuxCNC's interpreter: another reader of the same
 // language. Without it the tests are skipped.
 
-#include <gtest/gtest.h>
 #include <sys/wait.h>
-
-#include <array>
-#include <cstdio>
-#include <cstdlib>
-#include <filesystem>
-#include <iostream>
-#include <sstream>
-
 #include "machines.h"
 #include "sim/program/rewrite.h"
 #include "tests/oracles/linuxcnc_folder.h"
+#include "tests/test.h"
 
 namespace abbe::sim::program {
 namespace {
@@ -25,23 +17,23 @@ using test::Chain;
 class PrivateFolder {
  public:
   PrivateFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "abbe_rs274_XXXXXX").string();
+    std::string name = (fs::temp_directory_path() / "abbe_rs274_XXXXXX").string();
     if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("no temporary folder");
     path_ = name;
   }
-  ~PrivateFolder() { std::filesystem::remove_all(path_); }
+  ~PrivateFolder() { fs::remove_all(path_); }
   PrivateFolder(const PrivateFolder&) = delete;
   PrivateFolder& operator=(const PrivateFolder&) = delete;
   void write(const char* name, const std::string& text) const {
     std::ofstream(path_ / name) << text;
   }
-  const std::filesystem::path& path() const { return path_; }
+  const fs::path& path() const { return path_; }
 
  private:
-  std::filesystem::path path_;
+  fs::path path_;
 };
 
-std::string quoted(const std::filesystem::path& path) {
+std::string quoted(const fs::path& path) {
   std::string text = "'";
   for (const char c : path.string()) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
   return text + "'";
@@ -52,7 +44,7 @@ struct Canonical {
   std::string commands;
 };
 
-Canonical interpreted(const std::filesystem::path& packages, const std::string& program) {
+Canonical interpreted(const fs::path& packages, const std::string& program) {
   const PrivateFolder folder;
   folder.write("machine.ini",
                "[EMC]\nVERSION = 1.1\n[RS274NGC]\nPARAMETER_FILE = numbers.var\n[TRAJ]\n"
@@ -60,7 +52,7 @@ Canonical interpreted(const std::filesystem::path& packages, const std::string& 
   folder.write("tool.tbl", "T1 P1 Z0 D0\n");
   folder.write("numbers.var", "");
   folder.write("program.ngc", program);
-  const std::filesystem::path usr = packages / "usr";
+  const fs::path usr = packages / "usr";
   const std::string command = fmt::format(
       "cd {} && HOME=\"$PWD\" LD_LIBRARY_PATH={}:{} {} -i machine.ini -t tool.tbl -v numbers.var "
       "-g program.ngc > out.txt 2>&1 < /dev/null",
@@ -142,7 +134,7 @@ std::vector<Move> moves_of(const Path& path, const Chain& machine) {
         move.end[k] = block.end[*j] / (k < 3 ? 1.0 : units::deg);
     if (block.interpolation == Interpolation::Arc) {
       move.round = true;
-      const Eigen::Vector2d centre = path.arcs[block.shape].centre;
+      const Vector2d centre = path.arcs[block.shape].centre;
       move.centre = {centre.x(), centre.y()};
     }
     moves.push_back(move);
@@ -205,7 +197,7 @@ RewrittenProgram with_waves(const Source& source, const Path& path, const NcOpti
   }
   ThinOptions thin;
   thin.tolerance = 1e-3;
-  thin.lever[0] = AxisVector::Constant(Eigen::Index(options.axes.size()), 50.0);
+  thin.lever[0] = AxisVector::Constant(Index(options.axes.size()), 50.0);
   return rewrite_program(path, thin_out(path, dense, options, thin), options);
 }
 

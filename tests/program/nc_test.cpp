@@ -1,29 +1,23 @@
-#include <gtest/gtest.h>
-
-#include <chrono>
-#include <filesystem>
-#include <iostream>
-
-#include "kinematics/bad_input.h"
 #include "kinematics/inverse_kinematics.h"
 #include "machines.h"
+#include "sim/program/nc_reader.h"
+#include "sim/program/path.h"
+#include "sim/program/program_writers.h"
+#include "tests/program/machines.h"
+#include "tests/test.h"
 
 namespace abbe::sim::program {
 namespace {
 
 using test::AxisVector;
+using End = CutterData::End;
 
 Path read(const std::string& text) {
   return read_nc(text, "part.ngc", test::options_for(test::gantry()));
 }
 
 std::string refusal(const std::string& text) {
-  try {
-    read(text);
-  } catch (const BadInput& bad) {
-    return bad.what();
-  }
-  return "accepted";
+  return thrown_text<BadInput>([&] { read(text); }, "accepted");
 }
 
 TEST(Nc, RefusalNamesFileLineColumnExpectedAndSeen) {
@@ -67,12 +61,12 @@ TEST(Nc, SwitchingToTheTipKeepsTheAxesWhereTheyAre) {
   NcOptions options = test::options_for(machine);
   options.start << 0.4, 30, -20, 15, 0.3, 0;
   const Path path = read_nc("G43.4 H1\nG0 X1 Y2 Z3\nG49\nG0 X5\n", "t", options);
-  const Eigen::Vector3d tip = machine.tool_in_workpiece(options.start).translation();
-  const auto xyz = [](const AxisVector& q) { return Eigen::Vector3d(q[1], q[2], q[3]); };
+  const Vector3d tip = machine.tool_in_workpiece(options.start).translation();
+  const auto xyz = [](const AxisVector& q) { return Vector3d(q[1], q[2], q[3]); };
   EXPECT_LT((xyz(path.blocks[0].start) - tip).norm(), 1e-12);
   EXPECT_EQ(path.blocks[1].coordinates, Coordinates::Axis);
-  const Eigen::Vector3d back = machine.tool_in_workpiece(path.blocks[1].start).translation();
-  EXPECT_LT((back - Eigen::Vector3d(1, 2, 3)).norm(), 1e-12);
+  const Vector3d back = machine.tool_in_workpiece(path.blocks[1].start).translation();
+  EXPECT_LT((back - Vector3d(1, 2, 3)).norm(), 1e-12);
 }
 
 TEST(Nc, TipProgrammingIsRefusedWithoutItsMeans) {
@@ -99,7 +93,7 @@ TEST(Nc, WorkpieceSpindleTurnsAtConstantSpeed) {
 TEST(Nc, FilesThatAreNoFilesAreRefused) {
   const NcOptions options = test::options_for(test::gantry());
   EXPECT_THROW(read_nc_file("/nowhere/part.ngc", options), BadInput);
-  EXPECT_THROW(read_nc_file(std::filesystem::temp_directory_path(), options), BadInput);
+  EXPECT_THROW(read_nc_file(fs::temp_directory_path(), options), BadInput);
   NcOptions small = options;
   small.max_bytes = 4;
   EXPECT_THROW(read_nc("G0 X1\n", "t", small), BadInput);
@@ -150,6 +144,208 @@ TEST(Nc, MillionBlocksAreReadQuicklyInLittleMemory) {
   EXPECT_EQ(path.motion_blocks, blocks);
   EXPECT_LE(sizeof(Block), 250u);
   EXPECT_LT(seconds, 15.0);  // about one second alone on a machine
+}
+
+struct Said {
+  const char* comment;
+  std::optional<int> number;
+  double diameter;  // 0: none is said
+  std::optional<double> corner_radius = {};
+  End end = End::Unspecified;
+  std::optional<double> unit_mm = {};
+};
+
+TEST(ToolComment, CamSystemsSayDiametersInManyWays) {
+  const Said all[] = {
+      {"T1 D=10. CR=0. - ZMIN=-4.2 - FLAT END MILL", 1, 10.0, 0.0, End::Flat},
+      {"T12  D=6 CR=3. - ZMIN=-26. - ball end mill", 12, 6.0, 3.0, End::Ball},
+      {"T6  Spiral O Metal 3.175*12mm  D=3.175 CR=0. - ZMIN=-26. - flat end mill", 6, 3.175, 0.0,
+       End::Flat},
+      {"T2 D=0.25 CR=0.03 TAPER=118deg - ZMIN=-0.5 - bull nose end mill", 2, 0.25, 0.03},
+      {"T4 D=6. - drill", 4, 6.0},
+      {"TOOL - 1 DIA. OFF. - 1 LEN. - 1 DIA. - 10.", 1, 10.0},
+      {" 1/16 FLAT ENDMILL TOOL - 1 DIA. OFF. - 21 LEN. - 2 DIA. - .0625",
+       1,
+       0.0625,
+       {},
+       End::Flat},
+      {" TOOL - 6 2\"  FACE MILL    DIA. OFF. - 6  LEN. - 6  DIA. - 2. ", 6, 2.0},
+      {"TOOL - 14 DIA. OFF. - 14 LEN. - 14 TOOL DIA. - .125", 14, 0.125},
+      {"T1 | 10. FLAT ENDMILL | H1", 1, 10.0, {}, End::Flat},
+      {"T3 | 1/2 BALL ENDMILL | H3 | D3", 3, 0.5, {}, End::Ball},
+      {"T3 | 1-1/4 FLAT ENDMILL | H3", 3, 1.25, {}, End::Flat},
+      {"TOOL DIAMETER: 3.0", {}, 3.0},
+      {"Tool diameter   6.00", {}, 6.0},
+      {"TOOL DIA = 12", {}, 12.0},
+      {"TOOL -2- MILL DIA 10.0 R1. MM", 2, 10.0, 1.0},
+      {"D10R1", {}, 10.0, 1.0},
+      {"T5 D16 R0.8", 5, 16.0, 0.8},
+      {"TOOL NAME : D6.5R3.25", {}, 6.5, 3.25},
+      {"T2 D6", 2, 6.0},
+      {"5mm Endmill", {}, 5.0, {}, End::Unspecified, 1.0},
+      {"T2 10 mm 4 flute end mill", 2, 10.0, {}, End::Unspecified, 1.0},
+      {"T7 1/4 inch flat end mill", 7, 0.25, {}, End::Flat, 25.4},
+      {"Tool: 1  End Mill {6.35 mm}", 1, 6.35, {}, End::Unspecified, 1.0},
+      {"T1 \xC3\x98 8", 1, 8.0},
+  };
+  for (const Said& said : all) {
+    const auto words = parse_cutter_comment(said.comment);
+    ASSERT_TRUE(words) << said.comment;
+    EXPECT_EQ(words->number, said.number) << said.comment;
+    EXPECT_DOUBLE_EQ(words->diameter, said.diameter) << said.comment;
+    EXPECT_EQ(words->corner_radius, said.corner_radius) << said.comment;
+    EXPECT_EQ(words->end, said.end) << said.comment;
+    EXPECT_EQ(words->unit_mm, said.unit_mm) << said.comment;
+  }
+}
+
+TEST(ToolComment, RegistersPlacesAndTitlesAreNoDiameters) {
+  for (const char* comment :
+       {"", "roughing", "T1", "T1 H1 D1", "T1 D1", "TOOL - 1 DIA. OFF. - 1 LEN. - 1", "G43 H1 D2",
+        "PART 4711 D", "MACHINE GROUP-1", "2D ADAPTIVE1", "ZMIN=-4.2", "FEED 100",
+        "DATE=22-11-26 TIME=10:15", "STEP 5 FACE", "OFFSET D12", "D=0 - nothing", "DIAL 3",
+        "RETRACT 5mm", "STOCK 100 x 50 x 20 mm"})
+    EXPECT_FALSE(parse_cutter_comment(comment)) << comment;
+  EXPECT_FALSE(parse_cutter_comment("T1 D=10. " + std::string(300, 'x')));  // no name of a tool
+}
+
+TEST(ToolComment, ItsUnitIsThatOfTheProgramThatFollows) {
+  NcOptions options;
+  options.axes = {{'X', kinematics::Motion::Linear}};
+  const Path path = read_nc(
+      "(T1 D=.5 CR=0. - flat end mill)\nG20 G90\nT1 M6\n(T2 D=.25)\n(6mm endmill)\nG21\n(T3 "
+      "D=8.)\n",
+      "p.ngc", options);
+  ASSERT_EQ(path.tool_comments.size(), 4u);
+  const double mm[] = {12.7, 6.35, 6.0, 8.0};
+  for (std::size_t i = 0; i < 4; ++i)
+    EXPECT_DOUBLE_EQ(path.tool_comments[i].words.diameter, mm[i]) << i;
+  EXPECT_EQ(path.tool_comments[0].words.corner_radius, 0.0);
+  EXPECT_EQ(path.tool_comments[3].line, 7);
+  ASSERT_EQ(path.unit_words.size(), 2u);
+  EXPECT_TRUE(path.unit_words[0].inch);
+  EXPECT_EQ(path.unit_words[1].line, 6);
+}
+
+// Readers meet noise and damaged programs: they read or refuse with a place, and nothing else.
+
+constexpr unsigned fuzz_seed = 20250314;
+
+const std::string valid_nc =
+    "%\nN10 G21 G90 G94 G54 (head)\nG43.4 H1\nS1000 M3\nG0 X1 Y2 Z30 A5 C10\nG1 X2.5 F600\n"
+    "G3 X3.5 Y3 I1 J0\nG2 X2 R5\nG49\nG93 G1 X1 F30\nG4 P.5\nG53 G0 Z0\nM30\n%\n";
+const std::string valid_pvt =
+    "time_s,X_mm,Z_mm,S_deg,X_mm_per_s,Z_mm_per_s,S_deg_per_s\n0,0,0,0,1,1,1\n1,1e-3,2,30,0,-1e-2,"
+    "4\n"
+    "2,1,3.25,60,0,0,0\n";
+
+std::string noise(std::mt19937& random, std::string_view letters) {
+  std::uniform_int_distribution<int> length(0, 300);
+  std::uniform_int_distribution<int> any(0, 255);
+  std::string text(std::size_t(length(random)), ' ');
+  for (char& c : text)
+    c = letters.empty() ? char(any(random)) : letters[std::size_t(any(random)) % letters.size()];
+  return text;
+}
+
+std::string damaged(std::mt19937& random, std::string text, std::string_view letters) {
+  std::uniform_int_distribution<int> any(0, 1 << 20);
+  const int edits = 1 + any(random) % 4;
+  for (int i = 0; i < edits && !text.empty(); ++i) {
+    const std::size_t at = std::size_t(any(random)) % text.size();
+    const char c = letters[std::size_t(any(random)) % letters.size()];
+    switch (any(random) % 4) {
+      case 0:
+        text[at] = c;
+        break;
+      case 1:
+        text.insert(at, 1, c);
+        break;
+      case 2:
+        text.erase(at, 1 + std::size_t(any(random)) % 5);
+        break;
+      default:
+        text.resize(at);
+    }
+  }
+  return text;
+}
+
+struct Count {
+  int read = 0, refused = 0;
+};
+
+template <typename Reader>
+void try_one(const Reader& reader, const std::string& text, Count& count) {
+  try {
+    const Path path = reader(text);
+    ++count.read;
+    double time_s = -1e300;
+    for (const Block& block : path.blocks) {
+      ASSERT_TRUE(block.start.allFinite() && block.end.allFinite());
+      ASSERT_GE(block.start_s, time_s);
+      ASSERT_GE(block.end_s, block.start_s) << text;
+      ASSERT_TRUE(std::isfinite(block.end_s));
+      ASSERT_TRUE(position(path, block, 0.37).allFinite());
+      time_s = block.end_s;
+    }
+  } catch (const BadInput& refusal) {
+    ++count.refused;
+    ASSERT_GE(refusal.line, 1) << text;
+    ASSERT_FALSE(refusal.expected.empty());
+    ASSERT_LT(std::string(refusal.what()).size(), 500u);
+  }
+}
+
+TEST(Fuzz, NcReaderReadsOrRefusesWithAPlace) {
+  SCOPED_TRACE(testing::Message() << "seed " << fuzz_seed);
+  std::mt19937 random(fuzz_seed);
+  const NcOptions options = test::options_for(test::gantry());
+  const auto reader = [&](const std::string& text) { return read_nc(text, "fuzz", options); };
+  const std::string_view letters = "GMXYZACIJKRFSTHPNO0123456789.-+()%;/#[]= \n\r\te";
+  Count count;
+  for (int i = 0; i < 60000; ++i) {
+    const std::string text = i % 3 == 0   ? noise(random, "")
+                             : i % 3 == 1 ? noise(random, letters)
+                                          : damaged(random, valid_nc, letters);
+    ASSERT_NO_FATAL_FAILURE(try_one(reader, text, count)) << text;
+  }
+  std::cout << "seed " << fuzz_seed << ": " << count.read << " read, " << count.refused
+            << " refused\n";
+  EXPECT_GT(count.read, 1000);
+  EXPECT_GT(count.refused, 1000);
+}
+
+TEST(Fuzz, PvtReaderReadsOrRefusesWithAPlace) {
+  SCOPED_TRACE(testing::Message() << "seed " << fuzz_seed);
+  std::mt19937 random(fuzz_seed);
+  const NcOptions options = test::options_for(test::platform());
+  const auto reader = [&](const std::string& text) { return read_pvt(text, "fuzz", options); };
+  const std::string_view letters = "time_s,XZS_mm_per_deg0123456789.-+e\n\r#";
+  Count count;
+  for (int i = 0; i < 90000; ++i) {
+    const std::string text = i % 5 == 0   ? noise(random, "")
+                             : i % 5 == 1 ? noise(random, letters)
+                                          : damaged(random, valid_pvt, "0123456789.-+e ,");
+    ASSERT_NO_FATAL_FAILURE(try_one(reader, text, count)) << text;
+  }
+  std::cout << "seed " << fuzz_seed << ": " << count.read << " read, " << count.refused
+            << " refused\n";
+  EXPECT_GT(count.read, 1000);
+  EXPECT_GT(count.refused, 1000);
+}
+
+TEST(Fuzz, LinesWithoutEndTakeNoMemoryOfTheirOwn) {
+  const NcOptions nc = test::options_for(test::gantry());
+  EXPECT_THROW(read_nc(std::string(5'000'000, 'G'), "t", nc), BadInput);
+  EXPECT_THROW(read_nc("X" + std::string(5'000'000, '9'), "t", nc), BadInput);
+  EXPECT_NO_THROW(read_nc(std::string(5'000'000, ' '), "t", nc));
+  EXPECT_THROW(read_nc("(" + std::string(5'000'000, 'a'), "t", nc), BadInput);
+  std::string codes;
+  for (int i = 0; i < 1'000'000; ++i) codes += "G1 ";
+  EXPECT_THROW(read_nc(codes, "t", nc), BadInput);
+  const NcOptions pvt = test::options_for(test::platform());
+  EXPECT_THROW(read_pvt(std::string(5'000'000, ','), "t", pvt), BadInput);
 }
 
 }  // namespace

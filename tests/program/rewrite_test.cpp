@@ -1,16 +1,7 @@
 #include "sim/program/rewrite.h"
-
-#include <gtest/gtest.h>
-
-#include <filesystem>
-#include <functional>
-#include <iostream>
-#include <limits>
-#include <random>
-#include <set>
-
 #include "machines.h"
 #include "sim/program/program_writers.h"
+#include "tests/test.h"
 
 namespace abbe::sim::program {
 namespace {
@@ -53,7 +44,7 @@ CorrectedPath every(CorrectedPath points) {
 /// Waves of all axes but a last spindle, `size` mm of slides and 0.01 size rad of turns.
 Change waves(const std::vector<ControlledAxis>& axes, double size) {
   return [=](const Block&, double time_s) {
-    AxisVector off = AxisVector::Zero(Eigen::Index(axes.size()));
+    AxisVector off = AxisVector::Zero(Index(axes.size()));
     for (int j = 0; j < int(off.size()); ++j) {
       const auto motion = axes[std::size_t(j)].motion;
       if (motion == kinematics::Motion::Spindle) continue;
@@ -193,9 +184,9 @@ TEST(Rewrite, EveryGoldenProgramComesBackWithItsMotion) {
   options.work_offset[1] << 10 * units::deg, 1, 2, 3, 0, 0;
   int programs = 0;
   double worst = 0.0;
-  for (const auto& folder : std::filesystem::directory_iterator(ABBE_SOURCE_DIR "/tests/golden")) {
+  for (const auto& folder : fs::directory_iterator(ABBE_SOURCE_DIR "/tests/golden")) {
     const auto file = folder.path() / "program.ngc";
-    if (!std::filesystem::exists(file)) continue;
+    if (!fs::exists(file)) continue;
     SCOPED_TRACE(file);
     const Path path = read_nc_file(file, options);
     if (path.blocks.empty()) continue;
@@ -322,9 +313,7 @@ TEST_P(ThinnedNc, StaysWithinItsToleranceOfTheCorrectedPathAtEveryInstant) {
 INSTANTIATE_TEST_SUITE_P(Tolerances, ThinnedNc, testing::Values(1e-2, 1e-3, 1e-4));
 
 TEST(DecimatedMesh, RandomProgramsStayWithinTheirTolerance) {
-  const unsigned seed = 20240611;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20240611);
   std::uniform_real_distribution<double> unit(-1, 1);
   const auto pick = [&](int n) { return int(random() % unsigned(n)); };
   const NcOptions options = test::options_for(test::gantry());
@@ -516,7 +505,7 @@ TEST(Rewrite, ListsThatDoNotFitAreRefused) {
       {{point(-0.1, q), point(1, q)}},
       {{point(0, q), point(1.5, q)}},
       {{point(std::nan(""), q), point(1, q)}},
-      {{point(0, q), {1.0, q, Eigen::Vector2d(0, 0), {}}}},
+      {{point(0, q), {1.0, q, Vector2d(0, 0), {}}}},
   };
   for (std::size_t i = 0; i < wrong.size(); ++i) {
     EXPECT_THROW(rewrite_program(path, wrong[i], options), std::invalid_argument) << i;

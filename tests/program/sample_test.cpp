@@ -1,20 +1,15 @@
 #include "sim/program/sample.h"
-
-#include <gtest/gtest.h>
-
-#include <chrono>
-#include <iostream>
-#include <random>
-
-#include "kinematics/bad_input.h"
 #include "kinematics/pose.h"
 #include "machines.h"
+#include "sim/program/canon.h"
+#include "sim/program/nc_reader.h"
 #include "sim/program/program_writers.h"
+#include "sim/program/rewrite.h"
+#include "tests/test.h"
 
 namespace abbe::sim::program {
 namespace {
 
-using Eigen::Vector3d;
 using test::AxisVector;
 
 /// Tool of the gantry in the workpiece, written out: the head turns the tool by A about X 250 mm
@@ -94,9 +89,7 @@ TEST(Sample, ToolAxisStaysWithinTheChordToleranceInAxisCoordinates) {
 }
 
 TEST(Sample, RandomBlocksStayWithinTheChordTolerance) {
-  const unsigned seed = 99;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(99);
   std::uniform_real_distribution<double> unit(-1, 1);
   std::string text = "G1 F1000\n";
   for (int i = 0; i < 60; ++i) {
@@ -297,6 +290,252 @@ TEST(Sample, SpeedUnderTipProgramming) {
   std::cout << double(samples.states.size()) / seconds << " samples/s (" << samples.states.size()
             << ")\n";
   EXPECT_GT(double(samples.states.size()) / seconds, 1e4);
+}
+
+// A program in windows has the samples of the whole, to the bit.
+
+/// Blocks of every kind, tips and axes, with reversals, dwells and moves of nothing.
+std::string any_program(std::mt19937& random, int blocks) {
+  std::uniform_real_distribution<double> place(-80.0, 80.0), turn(-40.0, 40.0), radius(2.0, 30.0);
+  std::uniform_int_distribution<int> kind(0, 7);
+  std::string text = "G21 G90 G94 G17\nM3 S6000\nG0 X0 Y0 Z50 A0 C0\n";
+  bool tip = false;
+  for (int i = 0; i < blocks; ++i) {
+    switch (kind(random)) {
+      case 0:
+        text += fmt::format("G0 X{:.3f} Z{:.3f}\n", place(random), 60 + place(random));
+        break;
+      case 1:
+        text += "G4 P0.3\n";
+        break;
+      case 2: {
+        const double r = radius(random);
+        text += fmt::format("G91 G2 X{0:.4f} Y0 I{1:.4f} J0 F400\nG90\n", 2 * r, r);
+        break;
+      }
+      case 3:
+        text += fmt::format("G1 X{:.3f} F700\nG1 X{:.3f}\n", place(random), place(random));
+        break;
+      case 4:
+        text += "G91 G1 X0 F100\nG90\n";
+        break;
+      case 5:
+        tip = !tip;
+        text += tip ? "G43.4 H1\n" : "G49\n";
+        break;
+      default:
+        text += fmt::format("G1 X{:.3f} Y{:.3f} Z{:.3f} A{:.3f} C{:.3f} F900\n", place(random),
+                            place(random), 60 + place(random), turn(random), turn(random));
+    }
+  }
+  return text;
+}
+
+bool same(const kinematics::AxisState& a, const kinematics::AxisState& b) {
+  return a.q == b.q && a.time_s == b.time_s && a.direction == b.direction && a.stroke == b.stroke &&
+         a.spindle_speed == b.spindle_speed;
+}
+
+/// Holds the windows of a path one after the other against its samples.
+void joins(const Path& path, const SampleOptions& options, std::size_t most) {
+  SCOPED_TRACE(most);
+  const Samples whole = sample(path, test::gantry(), options);
+  const std::vector<SampleWindow> all = windows(path, test::gantry(), options, most);
+  std::size_t at = 0;  // sample of the whole that comes next
+  std::size_t block = 0;
+  for (const SampleWindow& window : all) {
+    ASSERT_EQ(window.first, block);
+    block = window.last;
+    SampleOptions own = options;
+    own.continued_from = window.continued_from;
+    const Path part = path_of(path, window);
+    const Samples samples = sample(part, test::gantry(), own);
+    const std::size_t from = window.continued_from ? 1 : 0;
+    const std::size_t blocks_before = window.first - from;
+    if (window.continued_from) {
+      ASSERT_TRUE(same(samples.states.front(), whole.states[at - 1]));
+      ASSERT_EQ(samples.line.front(), whole.line[at - 1]);
+    }
+    for (std::size_t i = from; i < samples.states.size(); ++i, ++at) {
+      ASSERT_LT(at, whole.states.size());
+      ASSERT_TRUE(same(samples.states[i], whole.states[at])) << at;
+      ASSERT_EQ(samples.line[i], whole.line[at]);
+      ASSERT_EQ(std::size_t(samples.block[i]) + blocks_before, std::size_t(whole.block[at]));
+    }
+    if (window.last < path.blocks.size()) {
+      ASSERT_GE(samples.states.size(), most);
+    }
+  }
+  EXPECT_EQ(at, whole.states.size());
+  EXPECT_EQ(block, path.blocks.size());
+}
+
+TEST(Windows, HaveTheSamplesOfTheWholeToTheBit) {
+  const unsigned seed = 20261127;
+  std::cout << "seed " << seed << '\n';
+  std::mt19937 random(seed);
+  SampleOptions options;
+  options.max_step = 2.0;
+  options.max_axis_step = 2.0;
+  for (int round = 0; round < 8; ++round) {
+    NcOptions nc = test::options_for(test::gantry());
+    const std::string text = any_program(random, 60);
+    SCOPED_TRACE(text);
+    const Path path = read_nc(text, "any.ngc", nc);
+    for (const std::size_t most : {1u, 2u, 7u, 40u, 500u, 1000000u}) joins(path, options, most);
+  }
+}
+
+TEST(Windows, StartWithTheWaysOfWhatWasBefore) {
+  const Path path = read_nc("G21 G90 G94\nG1 X5 F600\nG1 X0\nG1 X3\n", "t.ngc",
+                            test::options_for(test::gantry()));
+  SampleOptions options;
+  options.before.direction[1] = 1;
+  options.before.stroke[1] = 4;
+  joins(path, options, 1);
+}
+
+TEST(Windows, RefuseMoreSamplesThanAWindowMayHave) {
+  const Path path =
+      read_nc("G21 G90 G94\nG1 X5 F600\nG1 X900\n", "t.ngc", test::options_for(test::gantry()));
+  SampleOptions options;
+  options.max_samples = 100;
+  EXPECT_THROW(windows(path, test::gantry(), options, 10), TooManySamples);
+}
+
+TEST(Windows, AnEmptyPathIsOneWindowOfNothing) {
+  const std::vector<SampleWindow> all = windows({}, test::gantry(), {}, 10);
+  ASSERT_EQ(all.size(), 1u);
+  EXPECT_EQ(all.front().last, 0u);
+}
+
+// Arcs in planes that no two joints span, as a coordinate system that is turned makes them.
+
+/// A helix of more than a turn in a frame that is turned any way, by its centre or its radius.
+struct Turned {
+  Matrix3d R;
+  Path path;
+  double radius = 0.0, sweep = 0.0, across = 0.0;
+  Vector3d start;  ///< in the frame
+};
+
+Turned turned_helix(unsigned seed, const NcOptions& options) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  Turned one;
+  one.R = Eigen::AngleAxisd(3 * unit(random),
+                            Vector3d(unit(random), unit(random), unit(random)).normalized())
+              .toRotationMatrix();
+  Canon canon("t", options);
+  canon.set_feed(Feed{600.0, 1.0});
+  Frame frame;
+  frame.shift = AxisVector(Vector3d(5 * unit(random), 7, -3));
+  frame.rotation = one.R;
+  canon.set_frame(0, frame);
+  one.radius = 10 + 5 * unit(random);
+  one.sweep = 2 * pi + 1.5 + unit(random);
+  one.across = 8 * unit(random);
+  one.start = Vector3d(1, 2, 3);
+  const Vector3d centre = one.start - Vector3d(one.radius, 0, 0);
+  const Vector3d end = centre + Vector3d(one.radius * std::cos(one.sweep),
+                                         one.radius * std::sin(one.sweep), one.across);
+  canon.traverse({.end = canon.placed(AxisVector(one.start))});
+  ArcMove move{.first = 0, .second = 1, .end = canon.placed(AxisVector(end)), .turns = 2};
+  move.centre_with_offsets = canon.placed(AxisVector(centre));
+  canon.arc(std::move(move));
+  one.path = canon.take();
+  return one;
+}
+
+Vector3d expected(const Turned& one, const NcOptions&, const Vector3d& shift, double u) {
+  const double a = u * one.sweep;
+  return one.R * (one.start + Vector3d(one.radius * (std::cos(a) - 1), one.radius * std::sin(a),
+                                       u * one.across)) +
+         shift;
+}
+
+TEST(TurnedArc, IsTheHelixOfItsFrame) {
+  const NcOptions options = test::options_for(test::three_axis());
+  double off = 0.0, rate_off = 0.0, time_off = 0.0;
+  for (unsigned seed = 1; seed <= 200; ++seed) {
+    SCOPED_TRACE(seed);
+    const Turned one = turned_helix(seed, options);
+    const Block& block = one.path.blocks.back();
+    ASSERT_EQ(one.path.arcs.size(), 1u);
+    const Vector3d shift = block.start - one.R * one.start;
+    const double seconds = block.end_s - block.start_s;
+    time_off =
+        std::max(time_off, std::abs(seconds - std::hypot(one.radius * one.sweep, one.across) / 10));
+    for (double u = 0.0; u <= 1.0; u += 0.05) {
+      off = std::max(off, (position(one.path, block, u) - expected(one, options, shift, u)).norm());
+      const double h = 1e-5;
+      if (u < 0.01 || u > 0.99) continue;
+      const Vector3d rate =
+          (expected(one, options, shift, u + h) - expected(one, options, shift, u - h)) /
+          (2 * h * seconds);
+      rate_off = std::max(rate_off, (velocity(one.path, block, u) - rate).norm());
+    }
+  }
+  std::cout << "position within " << off << " mm, velocity within " << rate_off
+            << " mm/s of differences, time within " << time_off << " s\n";
+  EXPECT_LE(off, 1e-12);  // mm: rounding at 30 mm
+  EXPECT_LE(rate_off, 1e-6);
+  EXPECT_LE(time_off, 1e-11);
+}
+
+TEST(TurnedArc, IsSampledWhereItsAxesTurnBackWithinTheChordTolerance) {
+  const test::Chain machine = test::three_axis();
+  const NcOptions options = test::options_for(machine);
+  SampleOptions sampling;
+  sampling.chord_tolerance = 1e-3;
+  double chord = 0.0, beyond = 0.0;
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    SCOPED_TRACE(seed);
+    const Turned one = turned_helix(seed, options);
+    const Samples samples = sample(one.path, machine, sampling);
+    const Block& block = one.path.blocks.back();
+    const Vector3d shift = block.start - one.R * one.start;
+    Vector3d most = Vector3d::Constant(-1e9), seen = block.start;
+    for (double u = 0.0; u <= 1.0; u += 1e-4)
+      most = most.cwiseMax(expected(one, options, shift, u));
+    for (std::size_t i = 0; i < samples.states.size(); ++i) {
+      if (samples.block[i] != 1) continue;
+      seen = seen.cwiseMax(Vector3d(samples.states[i].q));
+      if (i == 0 || samples.block[i - 1] != 1) continue;
+      const auto u_of = [&](std::size_t k) {
+        return (samples.states[k].time_s - block.start_s) / (block.end_s - block.start_s);
+      };
+      const Vector3d middle = expected(one, options, shift, 0.5 * (u_of(i - 1) + u_of(i)));
+      chord = std::max(
+          chord, (middle - 0.5 * Vector3d(samples.states[i - 1].q + samples.states[i].q)).norm());
+    }
+    beyond = std::max(beyond, (most - seen).maxCoeff());
+  }
+  std::cout << "chords within " << chord << " of 0.001 mm, extremes met within " << beyond
+            << " mm\n";
+  EXPECT_LE(chord, 1e-3);
+  EXPECT_LE(beyond, 1e-7);
+}
+
+TEST(TurnedArc, IsRewrittenAsChordsWithinItsWords) {
+  const NcOptions options = test::options_for(test::three_axis());
+  const Turned one = turned_helix(7, options);
+  RewriteOptions words;
+  words.word_mm = 1e-4;
+  const RewrittenProgram program =
+      rewrite_program(one.path, CorrectedPath(one.path.blocks.size()), options, words);
+  const Path again = read_nc(program.text, "again", options);
+  const Block& block = one.path.blocks.back();
+  const Vector3d shift = block.start - one.R * one.start;
+  double off = 0.0;
+  for (const Block& line : again.blocks) {
+    if (line.interpolation != Interpolation::Line) continue;
+    const double u = (line.end_s - block.start_s) / (block.end_s - block.start_s);
+    off = std::max(off, (Vector3d(line.end) - expected(one, options, shift, u)).norm());
+  }
+  std::cout << again.blocks.size() << " blocks, ends within " << off << " mm\n";
+  EXPECT_NEAR(again.blocks.back().end_s, one.path.blocks.back().end_s, 1e-3);
+  EXPECT_LE(off, 3e-4);
 }
 
 }  // namespace

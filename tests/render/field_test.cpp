@@ -1,10 +1,3 @@
-#include "render/residual_field.h"
-
-#include <cstring>
-#include <iostream>
-#include <random>
-#include <system_error>
-
 #include <vtkCellArray.h>
 #include <vtkDataArray.h>
 #include <vtkFieldData.h>
@@ -14,9 +7,9 @@
 #include <vtkStringArray.h>
 #include <vtkXMLPolyDataReader.h>
 #include <vtkXMLPolyDataWriter.h>
-
-#include "kinematics/bad_input.h"
+#include "render/residual_field.h"
 #include "tests/render/picture.h"
+#include "tests/test.h"
 
 namespace abbe::render {
 namespace {
@@ -27,7 +20,7 @@ using test::sheet;
 
 class Residual : public test::Folder {};
 
-bool same_bits(const double* a, const double* b, Eigen::Index n) {
+bool same_bits(const double* a, const double* b, Index n) {
   return n == 0 || std::memcmp(a, b, n * sizeof(double)) == 0;
 }
 
@@ -35,8 +28,7 @@ Field awkward() {
   std::mt19937_64 random(5);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   Field f = sheet(80, 60, 23, 17, test::flat, [&](double, double) { return 20.0 * unit(random); });
-  for (Eigen::Index i = 0; i < f.design.vertices.rows(); ++i)
-    f.design.vertices(i, 2) = unit(random);
+  for (Index i = 0; i < f.design.vertices.rows(); ++i) f.design.vertices(i, 2) = unit(random);
   f.deviation_um[0] = -0.0;
   f.deviation_um[1] = std::numeric_limits<double>::denorm_min();
   f.deviation_um[2] = 1.0 / 3.0;
@@ -85,8 +77,8 @@ TEST_F(Residual, OpensInTheReaderThatParaViewUses) {
   vtkPointData& data = *mesh.GetPointData();
   ASSERT_EQ(data.GetNumberOfArrays(), 5);
   EXPECT_STREQ(data.GetScalars()->GetName(), "deviation_um");
-  for (Eigen::Index i = 0; i < f.design.vertices.rows(); ++i) {
-    const Eigen::Vector3d p = f.design.vertices.row(i);
+  for (Index i = 0; i < f.design.vertices.rows(); ++i) {
+    const Vector3d p = f.design.vertices.row(i);
     EXPECT_TRUE(same_bits(mesh.GetPoint(i), p.data(), 3));
     const double deviation = data.GetArray("deviation_um")->GetComponent(i, 0);
     EXPECT_TRUE(same_bits(&deviation, &f.deviation_um[i], 1));
@@ -94,7 +86,7 @@ TEST_F(Residual, OpensInTheReaderThatParaViewUses) {
     EXPECT_EQ(data.GetArray("cut_line")->GetComponent(i, 0), f.cut_line[i]);
     EXPECT_EQ(data.GetArray("area_mm2")->GetComponent(i, 0), f.design.area[i]);
   }
-  for (Eigen::Index i = 0; i < f.design.triangles.rows(); ++i) {
+  for (Index i = 0; i < f.design.triangles.rows(); ++i) {
     vtkIdType size = 0;
     const vtkIdType* corners = nullptr;
     mesh.GetPolys()->GetCellAtId(i, size, corners);
@@ -127,7 +119,7 @@ TEST_F(Residual, MiddlesOfTrianglesAreReadAgainAndCountInItsFigures) {
   f.design.area = cutting::vertex_area(f.design.vertices, f.design.triangles);
   f.within_um = f.deviation_um.head(1).replicate(f.design.triangles.rows(), 1);
   f.within_um[5] = std::numeric_limits<double>::quiet_NaN();
-  for (Eigen::Index t = 0; t < f.within_um.size(); ++t)
+  for (Index t = 0; t < f.within_um.size(); ++t)
     for (const int v : f.design.triangles.row(t))
       if (f.status[std::size_t(v)] != 0) f.within_um[t] = std::numeric_limits<double>::quiet_NaN();
   f.interior_sample = cutting::Surface::InteriorSample::Random;
@@ -154,7 +146,7 @@ TEST_F(Residual, IsReadAsBase64Too) {
   writer->EncodeAppendedDataOn();
   writer->SetCompressorTypeToZLib();
   ASSERT_EQ(writer->Write(), 1);
-  EXPECT_NE(bytes(file("b.vtp")).find("encoding=\"base64\""), std::string::npos);
+  EXPECT_HAS(bytes(file("b.vtp")), "encoding=\"base64\"");
   expect_same(read_residual(file("a.vtp")), read_residual(file("b.vtp")));
 }
 
@@ -190,14 +182,12 @@ TEST_F(Residual, IsToldInMicrometresOfTheSurface) {
 }
 
 TEST_F(Residual, SaysWhichFileCouldNotBeWritten) {
-  for (const std::filesystem::path& path :
-       {file("no/such/a.vtp"), std::filesystem::path("/dev/full")}) {
+  for (const fs::path& path : {file("no/such/a.vtp"), fs::path("/dev/full")}) {
     try {
       write_residual(path, awkward());
       ADD_FAILURE() << path << " was written";
     } catch (const std::system_error& failure) {
-      EXPECT_NE(std::string(failure.what()).find(path.string()), std::string::npos)
-          << failure.what();
+      EXPECT_HAS(failure.what(), path.string());
       EXPECT_TRUE(failure.code() == std::errc::no_such_file_or_directory ||
                   failure.code() == std::errc::no_space_on_device);
     }
@@ -311,9 +301,7 @@ TEST_F(BadResidual, ThatIsNoFileIsRefused) {
 }
 
 TEST_F(BadResidual, OfDamagedBytesIsRefusedOrConsistent) {
-  const unsigned seed = 20251;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20251);
   int refused = 0;
   constexpr int runs = 3000;
   for (int run = 0; run < runs; ++run) {

@@ -1,21 +1,12 @@
-#include "render/residual_map.h"
-
-#include <chrono>
-#include <cmath>
 #include <ctime>
-#include <functional>
-#include <iostream>
-#include <random>
-#include <stdexcept>
-#include <system_error>
-
-#include "kinematics/units.h"
 #include "render/canvas.h"
 #include "render/colour_bar.h"
 #include "render/map_sheet.h"
 #include "render/picture.h"
+#include "render/residual_map.h"
 #include "render/surface_scene.h"
 #include "tests/render/picture.h"
+#include "tests/test.h"
 
 namespace abbe::render {
 namespace {
@@ -43,8 +34,8 @@ class Map : public test::Folder {
 
   static MapOptions from_above() {
     MapOptions options;
-    options.from = Eigen::Vector3d::UnitZ();
-    options.up = Eigen::Vector3d::UnitY();
+    options.from = Vector3d::UnitZ();
+    options.up = Vector3d::UnitY();
     return options;
   }
 };
@@ -145,7 +136,7 @@ TEST_F(Map, OfAwkwardFieldsIsDrawn) {
   write_map(file("tiny.png"), picture(dome(20, [](double x, double) { return 1e-9 * x; })));
   write_map(file("huge.png"), picture(dome(20, [](double x, double) { return 1e9 * x; })));
   MapOptions options;
-  options.from = options.up = Eigen::Vector3d::UnitZ();  // up along the line of sight
+  options.from = options.up = Vector3d::UnitZ();  // up along the line of sight
   write_map(file("up.png"), picture(dome(20, waves)), options);
   options.from.setZero();
   options.width = 320;
@@ -173,19 +164,14 @@ TEST_F(Map, RefusesWhatCannotBeDrawn) {
   options = {};
   options.width = 3;
   EXPECT_THROW(write_map(file("a.png"), picture(dome(10, waves)), options), std::invalid_argument);
-  EXPECT_FALSE(std::filesystem::exists(file("a.png")));
+  EXPECT_FALSE(fs::exists(file("a.png")));
 }
 
 TEST_F(Map, SaysWhichFileCouldNotBeWritten) {
-  for (const std::filesystem::path& path :
-       {file("no/such/a.png"), std::filesystem::path("/dev/full")}) {
-    try {
-      write_map(path, picture(dome(10, waves)));
-      ADD_FAILURE() << path << " was written";
-    } catch (const std::system_error& failure) {
-      EXPECT_NE(std::string(failure.what()).find(path.string()), std::string::npos)
-          << failure.what();
-    }
+  for (const fs::path& path : {file("no/such/a.png"), fs::path("/dev/full")}) {
+    const std::string said =
+        thrown_text<std::system_error>([&] { write_map(path, picture(dome(10, waves))); });
+    EXPECT_HAS(said, path.string());
   }
 }
 
@@ -220,14 +206,12 @@ TEST_F(Map, SaysEverythingThatAMapMustSay) {
        {"+ material left, − gouged", "along the outward design normal", "datum touch off",
         "alignment rigid", "view from +Z", "10 000 vertices, 1 uncut (0.01 %)",
         "0.0100 % of the cut vertices", "−31.2", "facet error 0.4 µm"}) {
-    EXPECT_NE(text.find(needed), std::string::npos) << needed << " in\n" << text;
+    EXPECT_HAS(text, needed);
   }
   p.field.status[5] = p.field.status[6] = 3;
   p.field.deviation_um[5] = p.field.deviation_um[6] = std::nan("");
   const std::string gouged = map_text(p, count_vertices(p.field, 2.0), 2.0, "from +Z")[1];
-  EXPECT_NE(gouged.find("10 000 vertices, 1 uncut (0.01 %), 2 gouged deeper than the band"),
-            std::string::npos)
-      << gouged;
+  EXPECT_HAS(gouged, "10 000 vertices, 1 uncut (0.01 %), 2 gouged deeper than the band");
   EXPECT_EQ(figures_text({12.34, 2.345, -0.0004}), "PV 12.3 µm    RMS 2.35 µm    mean 0.00 µm");
   EXPECT_EQ(figures_text({0.0123, 0.002, 0.001}), "PV 12.3 nm    RMS 2.00 nm    mean +1.00 nm");
   EXPECT_EQ(figures_text({2.5e-7, 4e-8, 0.0}, Mean::Omitted),
@@ -325,10 +309,10 @@ TEST_F(Map, LabelsOfFlagsStayInTheRoomAndApart) {
     return a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height &&
            b.y < a.y + a.height;
   };
-  const Eigen::Vector2d size(120, 30);
+  const Vector2d size(120, 30);
   for (int i = 0; i <= 20; ++i) {
     for (int j = 0; j <= 20; ++j) {
-      const Eigen::Vector2d a(100 + 30 * i, 100 + 20 * j), b = a + Eigen::Vector2d(4, 2);
+      const Vector2d a(100 + 30 * i, 100 + 20 * j), b = a + Vector2d(4, 2);
       const auto boxes = place_labels({a, b}, {size, size}, room, 22.0);
       for (const Rectangle& box : boxes) {
         EXPECT_GE(box.x, 100.0);
@@ -344,8 +328,8 @@ TEST_F(Map, LabelsOfFlagsStayInTheRoomAndApart) {
 TEST_F(Map, KnowsWhatTheSurfaceHides) {
   const Field f = sheet(
       80, 60, 81, 61, [](double x, double) { return 30.0 - std::abs(x); }, flat);
-  const View view = fit_view(f.design.vertices, Eigen::Vector3d(1, 0, 0.1),
-                             Eigen::Vector3d::UnitZ(), {0, 0, 800, 600});
+  const View view =
+      fit_view(f.design.vertices, Vector3d(1, 0, 0.1), Vector3d::UnitZ(), {0, 0, 800, 600});
   EXPECT_FALSE(is_hidden(view, f.design, {20, 0, 10}));
   EXPECT_TRUE(is_hidden(view, f.design, {-20, 0, 10}));
 }
@@ -366,7 +350,7 @@ TEST_F(Map, AreasOfAFieldAreThoseOfItsStatistics) {
   Field f = sheet(1, 1, 30, 10, flat, [](double x, double) { return 10.0 * x * x; });
   f.interior_sample = cutting::Surface::InteriorSample::Middle;
   f.within_um.resize(f.design.triangles.rows());
-  for (Eigen::Index t = 0; t < f.within_um.size(); ++t) {
+  for (Index t = 0; t < f.within_um.size(); ++t) {
     double x = 0.0;
     for (const int corner : f.design.triangles.row(t)) x += f.design.vertices(corner, 0) / 3.0;
     f.within_um[t] = 10.0 * x * x;
@@ -381,7 +365,7 @@ TEST_F(Map, IsolinesLieAtTheirLevel) {
   const Field f = sheet(80, 60, 41, 31, flat, [](double x, double y) { return x + 0.3 * y; });
   const Wire lines = isolines(f, f.deviation_um, {-7.3, 11.1});
   ASSERT_GT(lines.segments.size(), 40u);
-  for (Eigen::Index i = 0; i < lines.points.rows(); ++i) {
+  for (Index i = 0; i < lines.points.rows(); ++i) {
     const double value = lines.points(i, 0) + 0.3 * lines.points(i, 1);
     EXPECT_LT(std::min(std::abs(value + 7.3), std::abs(value - 11.1)), 1e-9);
   }
@@ -397,7 +381,7 @@ TEST_F(Map, IsWrittenAsSvgAndPdfToo) {
   EXPECT_TRUE(svg.starts_with("<?xml "));
   EXPECT_NE(svg.find("<svg "), std::string::npos);
   EXPECT_TRUE(svg.ends_with("</svg>\n"));
-  EXPECT_NE(svg.find("data:image/png;base64,iVBOR"), std::string::npos);
+  EXPECT_HAS(svg, "data:image/png;base64,iVBOR");
   write_map(file("b.svg"), p, options);
   EXPECT_TRUE(svg == bytes(file("b.svg")));
   options.format = PictureFormat::Pdf;
@@ -521,8 +505,7 @@ Pixels painted(int width, int height, const std::function<int(int x, int y, int 
 }
 
 /// By how much a value differs at most once a PNG is read back by VTK.
-int largest_difference(const Pixels& pixels, const std::filesystem::path& file,
-                       PngPurpose png_purpose) {
+int largest_difference(const Pixels& pixels, const fs::path& file, PngPurpose png_purpose) {
   std::ofstream(file, std::ios::binary) << png_file(pixels, png_purpose);
   const Image image(file);
   EXPECT_EQ(image.width(), pixels.width);

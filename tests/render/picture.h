@@ -1,23 +1,11 @@
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <limits>
-#include <string>
-
-#include <gtest/gtest.h>
-#include <unistd.h>
 #include <vtkImageData.h>
 #include <vtkNew.h>
 #include <vtkPNGReader.h>
-
 #include "render/picture.h"
 #include "render/residual_field.h"
+#include "tests/test.h"
 
 namespace abbe::render::test {
 
@@ -27,19 +15,19 @@ class Folder : public testing::Test {
   Folder() {
     ::unsetenv("DISPLAY");
     const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    path_ = std::filesystem::temp_directory_path() /
+    path_ = fs::temp_directory_path() /
             ("abbe-render-" + std::to_string(::getpid()) + "-" + info->name());
-    std::filesystem::create_directories(path_);
+    fs::create_directories(path_);
   }
-  ~Folder() override { std::filesystem::remove_all(path_); }
+  ~Folder() override { fs::remove_all(path_); }
 
-  std::filesystem::path file(const std::string& name) const { return path_ / name; }
+  fs::path file(const std::string& name) const { return path_ / name; }
 
  private:
-  std::filesystem::path path_;
+  fs::path path_;
 };
 
-inline std::string bytes(const std::filesystem::path& path) {
+inline std::string bytes(const fs::path& path) {
   std::ifstream stream(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(stream), {}};
 }
@@ -63,7 +51,7 @@ inline int distance(const Pixel& p, const Colour& c) {
 /// A PNG read back through VTK's reader; pixels count from the lower left corner.
 class Image {
  public:
-  explicit Image(const std::filesystem::path& path) {
+  explicit Image(const fs::path& path) {
     reader_->SetFileName(path.c_str());
     reader_->Update();
     reader_->GetOutput()->GetDimensions(size_.data());
@@ -100,9 +88,9 @@ Field sheet(double size_x, double size_y, int nx, int ny, Height z, Deviation d)
   const int n = nx * ny;
   f.design.vertices.resize(n, 3);
   f.design.triangles.resize(2 * (nx - 1) * (ny - 1), 3);
-  f.design.area = Eigen::VectorXd::Constant(n, size_x * size_y / n);
+  f.design.area = VectorXd::Constant(n, size_x * size_y / n);
   f.deviation_um.resize(n);
-  f.cut_time_s = Eigen::VectorXd::LinSpaced(n, 0.0, 100.0);
+  f.cut_time_s = VectorXd::LinSpaced(n, 0.0, 100.0);
   f.status.assign(n, 0);
   f.cut_line.assign(n, 7);
   int k = 0;
@@ -133,7 +121,7 @@ Field dome(int rings, Deviation d) {
   f.design.normals.resize(n, 3);
   f.design.triangles.resize(2 * (rings - 1) * sectors, 3);
   f.deviation_um.resize(n);
-  f.cut_time_s = Eigen::VectorXd::Zero(n);
+  f.cut_time_s = VectorXd::Zero(n);
   f.status.assign(n, 0);
   f.cut_line.assign(n, 1);
   int k = 0;
@@ -153,7 +141,7 @@ Field dome(int rings, Deviation d) {
       f.design.triangles.row(k++) << v - sectors, next, next - sectors;
     }
   }
-  f.design.area = Eigen::VectorXd::Ones(n);
+  f.design.area = VectorXd::Ones(n);
   return f;
 }
 

@@ -1,26 +1,22 @@
-#include "render/vtk_reader.h"
-
-#include <filesystem>
-#include <fstream>
-#include <iostream>
-#include <iterator>
-#include <random>
-
-#include <gtest/gtest.h>
+#include <vtkDataArray.h>
 #include <vtkDoubleArray.h>
 #include <vtkFloatArray.h>
 #include <vtkNew.h>
 #include <vtkPointData.h>
 #include <vtkPoints.h>
+#include <vtkPolyData.h>
 #include <vtkUnstructuredGrid.h>
+#include <vtkXMLPolyDataReader.h>
 #include <vtkXMLUnstructuredGridWriter.h>
-
-#include "kinematics/bad_input.h"
+#include "render/vtk_reader.h"
+#include "render/vtk_writer.h"
+#include "tests/render/picture.h"
+#include "tests/test.h"
 
 namespace abbe::render {
 namespace {
 
-namespace fs = std::filesystem;
+using test::bytes;
 
 /// A file of its own, gone afterwards.
 class Vtu {
@@ -107,7 +103,7 @@ void expect_read(const fs::path& path, const Style& style) {
   ASSERT_EQ(read.tensors.size(), std::size_t(style.nodes));
   for (int i = 0; i < style.nodes; ++i) {
     for (int k = 0; k < 3; ++k) ASSERT_EQ(read.points(i, k), value(i, k));
-    Eigen::Matrix3d T;
+    Matrix3d T;
     const auto v = [&](int k) { return value(i, k); };
     if (style.components == 9) {
       T << v(0), v(1), v(2), v(3), v(4), v(5), v(6), v(7), v(8);
@@ -166,7 +162,7 @@ TEST(ReadVtu, ReadsOneWrittenByHand) {
       "</Points></Piece></UnstructuredGrid></VTKFile>\n");
   const PointTensors read = read_vtu(file.path(), "C");
   EXPECT_EQ(read.points.row(1), Eigen::RowVector3d(1, 2, 3));
-  Eigen::Matrix3d T;
+  Matrix3d T;
   T << 1, 0.4, 6, 0.4, 2, 5, 6, 5, 3;
   EXPECT_EQ(read.tensors[0], T);
 }
@@ -260,9 +256,7 @@ TEST(ReadVtu, EveryTruncationIsRefused) {
 }
 
 TEST(ReadVtu, NoiseIsRefusedOrRead) {
-  const unsigned seed = 4711;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(4711);
   const Vtu file;
   int refused = 0, all = 0;
   for (const Style& style : styles()) {
@@ -280,6 +274,65 @@ TEST(ReadVtu, NoiseIsRefusedOrRead) {
   }
   std::cout << refused << " of " << all << " refused\n";
   EXPECT_GT(refused, all / 10);
+}
+
+class PointData : public test::Folder {};
+
+cutting::Design design() { return test::sheet(80, 60, 9, 7, test::flat, test::flat).design; }
+
+TEST_F(PointData, ComesBackBitForBitWhateverItsName) {
+  const cutting::Design d = design();
+  const Index n = d.vertices.rows();
+  const std::vector<std::string> names{"EXX_c1_um", "a \"quoted\" <name> & more", "Größe µm", ""};
+  const std::vector<std::string> written{"EXX_c1_um", "a _quoted_ _name_ _ more", "Größe µm", "_"};
+  std::vector<VectorXd> arrays(4, VectorXd::LinSpaced(n, -1.0, 1.0 / 3.0));
+  arrays[1].setConstant(std::numeric_limits<double>::quiet_NaN());
+  arrays[2] *= 1e300;
+  write_point_data(file("a.vtp"), d, names, arrays);
+  vtkNew<vtkXMLPolyDataReader> reader;
+  reader->SetFileName(file("a.vtp").c_str());
+  reader->Update();
+  vtkPointData& data = *reader->GetOutput()->GetPointData();
+  ASSERT_EQ(reader->GetOutput()->GetNumberOfPoints(), n);
+  ASSERT_EQ(reader->GetOutput()->GetNumberOfPolys(), d.triangles.rows());
+  ASSERT_EQ(data.GetNumberOfArrays(), 4);
+  EXPECT_EQ(data.GetScalars(), data.GetArray(0));
+  for (int k = 0; k < 4; ++k) {
+    EXPECT_EQ(data.GetArrayName(k), written[k]);
+    for (Index i = 0; i < n; ++i) {
+      const double seen = data.GetArray(k)->GetComponent(i, 0), meant = arrays[k][i];
+      EXPECT_TRUE(seen == meant || (std::isnan(seen) && std::isnan(meant)));
+    }
+  }
+}
+
+TEST_F(PointData, IsWhatAResidualIsWrittenAs) {
+  Field f = test::sheet(80, 60, 9, 7, test::flat, [](double x, double y) { return x - y; });
+  test::leave_uncut(f, 4);
+  write_residual(file("a.vtp"), f);
+  const auto view = [](const VectorXd& v) {
+    return std::span<const double>(v.data(), std::size_t(v.size()));
+  };
+  write_point_data(file("b.vtp"), f.design.vertices, f.design.triangles,
+                   {{"deviation_um", view(f.deviation_um)},
+                    {"status", std::span<const std::uint8_t>(f.status)},
+                    {"cut_time_s", view(f.cut_time_s)},
+                    {"cut_line", std::span<const int>(f.cut_line)},
+                    {"area_mm2", view(f.design.area)}});
+  EXPECT_TRUE(bytes(file("a.vtp")) == bytes(file("b.vtp")));
+}
+
+TEST_F(PointData, RefusesWhatDoesNotFit) {
+  const cutting::Design d = design();
+  const VectorXd zero = VectorXd::Zero(d.vertices.rows());
+  EXPECT_THROW(write_point_data(file("a.vtp"), d, {"a"}, {zero, zero}), std::invalid_argument);
+  EXPECT_THROW(write_point_data(file("a.vtp"), d, {"a", "a"}, {zero, zero}), std::invalid_argument);
+  EXPECT_THROW(write_point_data(file("a.vtp"), d, {"a"}, {VectorXd::Zero(3)}),
+               std::invalid_argument);
+  EXPECT_FALSE(fs::exists(file("a.vtp")));
+  EXPECT_THROW(write_point_data(file("no/a.vtp"), d, {"a"}, {zero}), std::system_error);
+  EXPECT_THROW(write_point_data("/dev/full", d, {"a"}, {zero}), std::system_error);
+  write_point_data(file("none.vtp"), d, {}, {});
 }
 
 }  // namespace

@@ -1,15 +1,11 @@
 #include "render/volume_map.h"
-
-#include <iostream>
-#include <stdexcept>
-
 #include <vtkDoubleArray.h>
 #include <vtkPointData.h>
 #include <vtkStructuredGrid.h>
 #include <vtkXMLStructuredGridReader.h>
-
 #include "render/vtk_writer.h"
 #include "tests/render/picture.h"
+#include "tests/test.h"
 
 namespace abbe::render {
 namespace {
@@ -29,18 +25,18 @@ class VolumeMap : public test::Folder {
     p.size = size;
     p.points.resize(size[0] * size[1] * size[2], 3);
     p.displacement_um.resize(p.points.rows(), 3);
-    Eigen::Index row = 0;
+    Index row = 0;
     for (int k = 0; k < size[2]; ++k)
       for (int j = 0; j < size[1]; ++j)
         for (int i = 0; i < size[0]; ++i, ++row) {
           const auto part = [](int at, int of) { return of > 1 ? at / (of - 1.0) : 0.0; };
           p.points.row(row) << 300 * part(i, size[0]), 200 * part(j, size[1]),
               100 * part(k, size[2]);
-          p.displacement_um.row(row) = d(Eigen::Vector3d(p.points.row(row)));
+          p.displacement_um.row(row) = d(Vector3d(p.points.row(row)));
         }
     return p;
   }
-  static Eigen::Vector3d shear(const Eigen::Vector3d& p) { return {0.3 * p.z(), -0.05 * p.x(), 0}; }
+  static Vector3d shear(const Vector3d& p) { return {0.3 * p.z(), -0.05 * p.x(), 0}; }
 
   // px of a picture of 1600 x 1200, about where the displaced grid and the components lie
   static constexpr std::array<int, 2> main_lower{40, 270}, main_upper{1010, 1060};
@@ -85,7 +81,7 @@ TEST_F(VolumeMap, GivesTheSameBytesTwiceAndAnotherPictureOfAnotherMachine) {
   write_volume_map(file("a.png"), block({5, 5, 5}, shear));
   write_volume_map(file("b.png"), block({5, 5, 5}, shear));
   write_volume_map(file("c.png"),
-                   block({5, 5, 5}, [](const auto& p) { return Eigen::Vector3d(-shear(p)); }));
+                   block({5, 5, 5}, [](const auto& p) { return Vector3d(-shear(p)); }));
   EXPECT_EQ(bytes(file("a.png")), bytes(file("b.png")));
   EXPECT_NE(bytes(file("a.png")), bytes(file("c.png")));
 }
@@ -93,13 +89,12 @@ TEST_F(VolumeMap, GivesTheSameBytesTwiceAndAnotherPictureOfAnotherMachine) {
 TEST_F(VolumeMap, APerfectMachineAndAPoorOneAreDrawn) {
   for (const double um : {0.0, 1e-9, 1e-3, 1e6}) {
     const VolumePicture p =
-        block({3, 3, 3}, [&](const auto& q) { return Eigen::Vector3d(um * shear(q)); });
+        block({3, 3, 3}, [&](const auto& q) { return Vector3d(um * shear(q)); });
     write_volume_map(file("a.png"), p);
     EXPECT_GT(covered(Image(file("a.png")), main_lower, main_upper), 0.2) << um;
   }
-  EXPECT_EQ(
-      fitted_magnification(block({3, 3, 3}, [](const auto&) { return Eigen::Vector3d(0, 0, 0); })),
-      1.0);
+  EXPECT_EQ(fitted_magnification(block({3, 3, 3}, [](const auto&) { return Vector3d(0, 0, 0); })),
+            1.0);
   // 374 mm of diagonal, 33.5 um: a twelfth of it is 930 times as much
   EXPECT_EQ(fitted_magnification(block({3, 3, 3}, shear)), 500.0);
 }
@@ -119,7 +114,7 @@ TEST_F(VolumeMap, RefusesWhatItCannotDraw) {
   VolumeOptions options;
   options.magnification = 0.0;
   refused(good, options);
-  EXPECT_FALSE(std::filesystem::exists(file("a.png")));
+  EXPECT_FALSE(fs::exists(file("a.png")));
 }
 
 TEST_F(VolumeMap, TheGridIsReadBackByVtkBitForBit) {

@@ -1,27 +1,16 @@
 // Pages of tables and charts: of a study, an identification and an evaluation. Their figures are
 // those of the JSON files, digit by digit; what is broken or of something else is refused by name.
 
-#include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <memory>
-#include <regex>
-#include <set>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
-
 #include "sim/report/figures_page.h"
+#include <nlohmann/json.hpp>
+#include <regex>
 #include "sim/report/page_template.h"
 #include "tests/safety/program_run.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
 
-namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
 const std::string scenes = ABBE_SOURCE_DIR "/scenes";
@@ -88,7 +77,7 @@ TEST(ChartLabels, WhatThePageAndItsScriptNameIsThere) {
 TEST(ChartLabels, ThePageMayAskNothingOfANetwork) {
   const std::string sources =
       std::string(charts_page()) + std::string(charts_style()) + charts_script();
-  EXPECT_NE(sources.find("content=\"default-src 'none';"), std::string::npos);
+  EXPECT_HAS(sources, "content=\"default-src 'none';");
   EXPECT_EQ(sources.find("connect-src"), std::string::npos);
   EXPECT_EQ(sources.find("https://"), std::string::npos);
   EXPECT_FALSE(std::regex_search(
@@ -200,7 +189,7 @@ TEST_F(StudyPages, AFolderGivesThePageAgain) {
   ASSERT_EQ(again.code, 0) << again.text;
   EXPECT_EQ(whole(folder->path / "again.html"), page);
   EXPECT_EQ(page.find("<budget>"), std::string::npos) << "a title acts in the page";
-  EXPECT_NE(page.find("download=\"scene.toml\""), std::string::npos);
+  EXPECT_HAS(page, "download=\"scene.toml\"");
 }
 
 TEST_F(StudyPages, AStudyWithoutAPageTakesAnOldOneAway) {
@@ -218,8 +207,8 @@ TEST_F(StudyPages, ABrokenOrForeignFolderIsRefusedByFile) {
     put(broken / "budget.json", text);
     const safety::Ran ran = safety::run("report " + broken.string());
     EXPECT_EQ(ran.code, 3) << ran.text;
-    EXPECT_NE(ran.text.find("budget.json: expected"), std::string::npos) << ran.text;
-    EXPECT_NE(ran.text.find(expected), std::string::npos) << ran.text;
+    EXPECT_HAS(ran.text, "budget.json: expected");
+    EXPECT_HAS(ran.text, expected);
     EXPECT_FALSE(fs::exists(broken / "report.html"));
   };
   refused("{", "text that is not JSON");
@@ -235,11 +224,9 @@ TEST_F(StudyPages, ABrokenOrForeignFolderIsRefusedByFile) {
   put(broken / "cases.csv", "case,analysis,pv_um\n1,monte_carlo,2\n");
   const safety::Ran table = safety::run("report " + broken.string());
   EXPECT_EQ(table.code, 3);
-  EXPECT_NE(table.text.find("cases.csv:1: expected a column rms_um"), std::string::npos)
-      << table.text;
+  EXPECT_HAS(table.text, "cases.csv:1: expected a column rms_um");
   put(broken / "cases.csv", "case,analysis,pv_um,rms_um\n1,monte_carlo,2,x\n");
-  EXPECT_NE(safety::run("report " + broken.string()).text.find("expected a number"),
-            std::string::npos);
+  EXPECT_HAS(safety::run("report " + broken.string()).text, "expected a number");
 }
 
 // --- an identification
@@ -333,16 +320,14 @@ TEST_F(IdentificationPages, TheSavedReportLacksTheCurvesAndSaysSo) {
   const safety::Ran saved = safety::run("report " + (folder->path / "belief.json").string() +
                                         " -o " + (folder->path / "saved.html").string());
   ASSERT_EQ(saved.code, 0) << saved.text;
-  EXPECT_NE(saved.text.find("abbe identify --report"), std::string::npos) << saved.text;
+  EXPECT_HAS(saved.text, "abbe identify --report");
   const ordered_json other = index_of(folder->path / "saved.html");
   EXPECT_FALSE(has_block(other, "curves"));
   EXPECT_EQ(block(other, "numbers"), block(index, "numbers"));
   put(folder->path / "other.json", "{\"machine\": \"w b X t\"}");
   const safety::Ran refused = safety::run("report " + (folder->path / "other.json").string());
   EXPECT_EQ(refused.code, 3);
-  EXPECT_NE(refused.text.find("other.json: expected the report of an identification"),
-            std::string::npos)
-      << refused.text;
+  EXPECT_HAS(refused.text, "other.json: expected the report of an identification");
 }
 
 // --- an evaluation
@@ -368,7 +353,7 @@ TEST_F(IdentificationPages, AnEvaluationShowsTheFiguresOfItsFile) {
   const safety::Ran saved =
       safety::run("report " + out.string() + " -o " + (folder->path / "saved_laser.html").string());
   ASSERT_EQ(saved.code, 0) << saved.text;
-  EXPECT_NE(saved.text.find("abbe evaluate --report"), std::string::npos) << saved.text;
+  EXPECT_HAS(saved.text, "abbe evaluate --report");
   EXPECT_EQ(block(index_of(folder->path / "saved_laser.html"), "standard-0"), table);
 }
 
@@ -383,13 +368,12 @@ TEST(SavedPages, TheFiguresOfACaseAreThoseOfItsSummary) {
   ASSERT_EQ(ran.code, 0) << ran.text;
   const safety::Ran reported = safety::run("report " + out.string());
   ASSERT_EQ(reported.code, 0) << reported.text;
-  EXPECT_NE(reported.text.find("abbe run --report"), std::string::npos) << reported.text;
+  EXPECT_HAS(reported.text, "abbe run --report");
   const ordered_json summary = ordered_json::parse(whole(out / "summary.json"));
   const std::string with_map = whole(out / "report.html");
   for (const char* key : {"pv", "rms", "p95_abs"})
-    EXPECT_NE(with_map.find("data-key=\"" + std::string(key) + "\" data-value=\"" +
-                            summary.at("residual_um").at(key).dump() + "\""),
-              std::string::npos)
+    EXPECT_HAS(with_map, "data-key=\"" + std::string(key) + "\" data-value=\"" +
+                             summary.at("residual_um").at(key).dump() + "\"")
         << key;
   fs::remove(out / "residual.vtp");
   ASSERT_EQ(safety::run("report " + out.string()).code, 0);
@@ -401,8 +385,7 @@ TEST(SavedPages, TheFiguresOfACaseAreThoseOfItsSummary) {
   put(folder.path / "summary.json", "{\"scene\": 1}");
   const safety::Ran refused = safety::run("report " + folder.path.string());
   EXPECT_EQ(refused.code, 3);
-  EXPECT_NE(refused.text.find("summary.json: expected the figures of cases"), std::string::npos)
-      << refused.text;
+  EXPECT_HAS(refused.text, "summary.json: expected the figures of cases");
 }
 
 }  // namespace

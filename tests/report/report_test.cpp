@@ -1,43 +1,25 @@
 // The page of `abbe report`: what is packed unpacks to within half a step, no label is missing, and
 // the page asks nothing of a network.
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iostream>
-#include <iterator>
-#include <limits>
-#include <numeric>
-#include <random>
 #include <regex>
-#include <set>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "sim/compensation/time_series.h"
 #include "sim/report/case_page.h"
 #include "sim/report/page_data.h"
 #include "sim/report/page_template.h"
 #include "tests/report/unpack.h"
 #include "tests/safety/program_run.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
 
-namespace fs = std::filesystem;
-
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
-double largest_error(const PackedColumns& packed, const Eigen::MatrixXd& values) {
+double largest_error(const PackedColumns& packed, const MatrixXd& values) {
   const Eigen::MatrixXi numbers = unpack::numbers(packed);
   double largest = 0.0;
-  for (Eigen::Index c = 0; c < values.cols(); ++c)
-    for (Eigen::Index r = 0; r < values.rows(); ++r) {
+  for (Index c = 0; c < values.cols(); ++c)
+    for (Index r = 0; r < values.rows(); ++r) {
       const bool is_missing = numbers(r, c) == missing;
       EXPECT_EQ(is_missing, std::isnan(values(r, c))) << r << " " << c;
       if (is_missing) continue;
@@ -48,17 +30,17 @@ double largest_error(const PackedColumns& packed, const Eigen::MatrixXd& values)
   return largest;
 }
 
-Eigen::MatrixXd some_values(double size) {
+MatrixXd some_values(double size) {
   std::mt19937 rng(19);
   std::uniform_real_distribution<double> uniform(-size, 1.5 * size);
-  Eigen::MatrixXd values(5000, 3);
+  MatrixXd values(5000, 3);
   for (double& value : values.reshaped()) value = uniform(rng);
   values(0, 0) = values(17, 1) = values(4999, 2) = nan;
   return values;
 }
 
 TEST(PackedColumns, ValuesUnpackToWithinHalfAStep) {
-  const Eigen::MatrixXd values = some_values(30.0);
+  const MatrixXd values = some_values(30.0);
   const double rounding = 1e-12;
   for (const double step : {step_for_16_bits(values), 1e-6, 0.3}) {
     const PackedColumns packed = pack_values(values, step);
@@ -68,14 +50,14 @@ TEST(PackedColumns, ValuesUnpackToWithinHalfAStep) {
 }
 
 TEST(PackedColumns, ValuesThatAreAllOneOrNoneUnpackExactly) {
-  const Eigen::VectorXd same = Eigen::VectorXd::Constant(7, 1.25);
+  const VectorXd same = VectorXd::Constant(7, 1.25);
   EXPECT_EQ(largest_error(pack_values(same, step_for_16_bits(same)), same), 0.0);
-  const Eigen::VectorXd none = Eigen::VectorXd::Constant(7, nan);
+  const VectorXd none = VectorXd::Constant(7, nan);
   EXPECT_EQ(largest_error(pack_values(none, 1.0), none), 0.0);
 }
 
 TEST(PackedColumns, WhatCannotBePackedIsRefused) {
-  const Eigen::Vector2d far(0.0, 1e6), infinite(0.0, std::numeric_limits<double>::infinity());
+  const Vector2d far(0.0, 1e6), infinite(0.0, std::numeric_limits<double>::infinity());
   EXPECT_THROW(pack_values(far, 0.0), std::invalid_argument);
   EXPECT_THROW(pack_values(far, nan), std::invalid_argument);
   EXPECT_THROW(pack_values(far, 1e-5), std::invalid_argument);
@@ -95,7 +77,7 @@ using cutting::Triangles;
 
 Triangles grid(int side) {
   Triangles triangles(2 * (side - 1) * (side - 1), 3);
-  Eigen::Index row = 0;
+  Index row = 0;
   for (int y = 0; y + 1 < side; ++y)
     for (int x = 0; x + 1 < side; ++x) {
       const int a = y * side + x;
@@ -116,11 +98,11 @@ std::vector<std::array<int, 3>> ordered(std::vector<std::array<int, 3>> all) {
 }
 
 void expect_comes_back(const Triangles& triangles, const Eigen::MatrixX3d& vertices) {
-  const std::vector<Eigen::Index> order = morton_order(vertices);
-  std::vector<Eigen::Index> sorted = order;
+  const std::vector<Index> order = morton_order(vertices);
+  std::vector<Index> sorted = order;
   std::ranges::sort(sorted);
-  ASSERT_EQ(Eigen::Index(sorted.size()), vertices.rows());
-  for (std::size_t v = 0; v < sorted.size(); ++v) ASSERT_EQ(sorted[v], Eigen::Index(v));
+  ASSERT_EQ(Index(sorted.size()), vertices.rows());
+  for (std::size_t v = 0; v < sorted.size(); ++v) ASSERT_EQ(sorted[v], Index(v));
   const Eigen::MatrixXi packed = unpack::numbers(pack_numbers(sorted_triangles(triangles, order)));
   std::vector<std::array<int, 3>> expected, unpacked;
   for (const auto& t : triangles.rowwise()) expected.push_back({t[0], t[1], t[2]});
@@ -130,7 +112,7 @@ void expect_comes_back(const Triangles& triangles, const Eigen::MatrixX3d& verti
   EXPECT_EQ(ordered(unpacked), ordered(expected));
 }
 
-Eigen::MatrixX3d random_vertices(Eigen::Index count) {
+Eigen::MatrixX3d random_vertices(Index count) {
   std::mt19937 rng(13);
   std::uniform_real_distribution<double> uniform(-40.0, 70.0);
   Eigen::MatrixX3d vertices(count, 3);
@@ -153,8 +135,8 @@ TEST(PageMesh, VerticesAtOnePointOrOnALineKeepTheirOrder) {
   const Triangles triangles = grid(4);
   Eigen::MatrixX3d vertices = Eigen::MatrixX3d::Constant(16, 3, -2.5);
   expect_comes_back(triangles, vertices);
-  std::vector<Eigen::Index> order(16);
-  std::iota(order.begin(), order.end(), Eigen::Index(0));
+  std::vector<Index> order(16);
+  std::iota(order.begin(), order.end(), Index(0));
   EXPECT_EQ(morton_order(vertices), order);
   vertices.col(1).setLinSpaced(16, -3.0, 5.0);
   expect_comes_back(triangles, vertices);
@@ -182,7 +164,7 @@ TEST(PageMesh, AMeshInAnyOrderTakesFewBytesATriangle) {
 /// Values over a grid, with a hole.
 Eigen::VectorXi wave(int side, double phase) {
   Eigen::VectorXi numbers(side * side);
-  for (Eigen::Index k = 0; k < numbers.size(); ++k) {
+  for (Index k = 0; k < numbers.size(); ++k) {
     const auto x = double(k % side), y = double(k / side);
     numbers[k] = std::hypot(x - 20.0, y - 30.0) < 5.0
                      ? missing
@@ -221,17 +203,17 @@ TEST(PackedColumns, Base64IsThatOfTheRfc) {  // RFC 4648, section 10
 }
 
 TEST(DecimatedMesh, LinesBetweenTheKeptComeWithinTheToleranceOfTheRest) {
-  Eigen::VectorXd time(2000);
-  Eigen::MatrixXd q(2000, 2);
-  for (Eigen::Index k = 0; k < time.size(); ++k) {
+  VectorXd time(2000);
+  MatrixXd q(2000, 2);
+  for (Index k = 0; k < time.size(); ++k) {
     time[k] = 0.01 * double(k - (k > 700 ? 1 : 0));  // one instant stands twice
     q.row(k) << 50.0 * std::sin(time[k]), k < 1200 ? 3.0 * time[k] : -time[k];
   }
   const double tolerance = 0.05;
   const compensation::TimeSeries few =
-      compensation::thin_out({time, q}, Eigen::VectorXd::Constant(2, tolerance));
-  std::vector<Eigen::Index> kept;
-  for (Eigen::Index k = 0, next = 0; k < time.size() && next < few.time_s.size(); ++k)
+      compensation::thin_out({time, q}, VectorXd::Constant(2, tolerance));
+  std::vector<Index> kept;
+  for (Index k = 0, next = 0; k < time.size() && next < few.time_s.size(); ++k)
     if (time[k] == few.time_s[next] && q.row(k) == few.value.row(next)) {
       kept.push_back(k);
       ++next;
@@ -241,8 +223,8 @@ TEST(DecimatedMesh, LinesBetweenTheKeptComeWithinTheToleranceOfTheRest) {
   EXPECT_EQ(kept.front(), 0);
   EXPECT_EQ(kept.back(), 1999);
   for (std::size_t i = 1; i < kept.size(); ++i) {
-    const Eigen::Index a = kept[i - 1], b = kept[i];
-    for (Eigen::Index k = a + 1; k < b; ++k) {
+    const Index a = kept[i - 1], b = kept[i];
+    for (Index k = a + 1; k < b; ++k) {
       const double share = (time[k] - time[a]) / (time[b] - time[a]);
       const Eigen::RowVectorXd between = q.row(a) + share * (q.row(b) - q.row(a));
       EXPECT_LE((q.row(k) - between).cwiseAbs().maxCoeff(), tolerance * (1.0 + 1e-9)) << k;
@@ -305,7 +287,7 @@ struct Page : testing::Test {
 
 TEST_F(Page, IsWholeAndMayAskNothingOfANetwork) {
   ASSERT_EQ(ran.code, 0);
-  EXPECT_NE(html.find("content=\"default-src 'none';"), std::string::npos);
+  EXPECT_HAS(html, "content=\"default-src 'none';");
   EXPECT_EQ(html.find("connect-src"), std::string::npos);
   const std::regex resource(R"rx((?:src|href|url)\s*[=(]\s*["']?(?:https?:)?//)rx");
   const std::string sources =
@@ -335,15 +317,13 @@ TEST_F(Page, ALimitOfAcceptanceThatIsExceededGivesTheExitCodeOfCompare) {
       "report " + scene + " --set limits.pv_um=0.001 -o " + (folder / "limit.html").string());
   EXPECT_EQ(ran.code, 0) << "of the same without a limit";
   EXPECT_EQ(exceeded_limits.code, 1);
-  EXPECT_NE(exceeded_limits.text.find("the scene allows 0.0010 um"), std::string::npos)
-      << exceeded_limits.text;
+  EXPECT_HAS(exceeded_limits.text, "the scene allows 0.0010 um");
 }
 
 TEST_F(Page, AFolderOfResultsIsRefusedByName) {
   const safety::Ran refused = safety::run("report " + folder.string());
   EXPECT_EQ(refused.code, 2);
-  EXPECT_NE(refused.text.find("identify or evaluate, seen the folder"), std::string::npos)
-      << refused.text;
+  EXPECT_HAS(refused.text, "identify or evaluate, seen the folder");
 }
 
 }  // namespace

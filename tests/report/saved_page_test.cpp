@@ -3,27 +3,15 @@
 
 #if ABBE_RENDER
 
-#include <algorithm>
-#include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <limits>
-#include <map>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
-
 #include "render/residual_field.h"
 #include "tests/report/unpack.h"
 #include "tests/safety/program_run.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
 
-namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
 const char* const names[] = {"error_free", "uncompensated", "perfect-position-ideal"};
@@ -45,7 +33,7 @@ std::string script(const std::string& html, const std::string& id) {
 struct ReadPage {
   std::string html;
   ordered_json index;
-  std::vector<Eigen::Index> order;
+  std::vector<Index> order;
 };
 
 Eigen::MatrixXi numbers(const ReadPage& page, const std::string& name);
@@ -61,7 +49,7 @@ ReadPage page_of(const fs::path& file, const cutting::Design& design) {
 Eigen::VectorXi midst(const ReadPage& page, const std::string& lines) {
   const Eigen::MatrixXi line = numbers(page, "block_line"), begin = numbers(page, "block_time");
   std::map<int, int> at;
-  for (Eigen::Index k = 0; k < line.rows(); ++k)
+  for (Index k = 0; k < line.rows(); ++k)
     at.emplace(line(k, 0), (begin(k, 0) + begin(std::min(k + 1, line.rows() - 1), 0) + 20) / 40);
   Eigen::VectorXi all = numbers(page, lines);
   for (int& one : all) one = at.contains(one) ? at[one] : 0;
@@ -82,15 +70,15 @@ Eigen::MatrixXi numbers(const ReadPage& page, const std::string& name) {
 }
 
 /// By the vertices of the file; NaN where there is no value.
-Eigen::MatrixXd values(const ReadPage& page, const std::string& name) {
+MatrixXd values(const ReadPage& page, const std::string& name) {
   const ordered_json& about = page.index.at("arrays").at(name);
   const Eigen::MatrixXi packed = numbers(page, name);
-  Eigen::MatrixXd all(packed.rows(), packed.cols());
-  for (Eigen::Index c = 0; c < all.cols(); ++c) {
+  MatrixXd all(packed.rows(), packed.cols());
+  for (Index c = 0; c < all.cols(); ++c) {
     const bool has_step = about.contains("step");
     const double step = has_step ? about.at("step")[std::size_t(c)].get<double>() : 1.0;
     const double offset = has_step ? about.at("offset")[std::size_t(c)].get<double>() : 0.0;
-    for (Eigen::Index k = 0; k < all.rows(); ++k)
+    for (Index k = 0; k < all.rows(); ++k)
       all(page.order[std::size_t(k)], c) = packed(k, c) == missing
                                                ? std::numeric_limits<double>::quiet_NaN()
                                                : offset + step * packed(k, c);
@@ -98,9 +86,9 @@ Eigen::MatrixXd values(const ReadPage& page, const std::string& name) {
   return all;
 }
 
-void expect_near(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, double bound) {
+void expect_near(const MatrixXd& a, const MatrixXd& b, double bound) {
   ASSERT_EQ(a.rows(), b.rows());
-  for (Eigen::Index k = 0; k < a.size(); ++k) {
+  for (Index k = 0; k < a.size(); ++k) {
     EXPECT_EQ(std::isnan(a.data()[k]), std::isnan(b.data()[k])) << k;
     if (std::isnan(a.data()[k])) continue;
     EXPECT_NEAR(a.data()[k], b.data()[k], bound) << k;
@@ -172,37 +160,32 @@ TEST_F(SavedFolder, ItsMapsAreThoseOfThePageOfTheSceneAndOfItsFiles) {
 
 TEST_F(SavedFolder, SaysThatTheMachineInMotionIsNotInIt) {
   const safety::Ran reported = report();
-  EXPECT_NE(reported.text.find("the moving machine and its signals are omitted from the report: "
-                               "saved results do not contain them; abbe compare --report"),
-            std::string::npos)
-      << reported.text;
+  EXPECT_HAS(reported.text,
+             "the moving machine and its signals are omitted from the report: "
+             "saved results do not contain them; abbe compare --report");
   EXPECT_EQ(reported.text.find("has no map"), std::string::npos) << reported.text;
   const std::string html = text_of(page_file());
-  EXPECT_NE(html.find("alt=\"uncompensated/residual\""), std::string::npos);
+  EXPECT_HAS(html, "alt=\"uncompensated/residual\"");
   const ordered_json summary = ordered_json::parse(text_of(folder / names[1] / "summary.json"));
   const std::string verdict = summary.at("conformance").at("verdict");
   EXPECT_FALSE(verdict.empty());
-  EXPECT_NE(html.find("<li>uncompensated: " + verdict + "</li>"), std::string::npos) << verdict;
+  EXPECT_HAS(html, "<li>uncompensated: " + verdict + "</li>") << verdict;
 }
 
 TEST_F(SavedFolder, TheMapOfAnotherCaseIsRefused) {
   fs::copy_file(map_file(names[0]), map_file(names[1]), fs::copy_options::overwrite_existing);
   const safety::Ran reported = report();
   EXPECT_EQ(reported.code, 3);
-  EXPECT_NE(reported.text.find(map_file(names[1]).string() +
-                               ": expected the map of these figures, with a maximum of"),
-            std::string::npos)
-      << reported.text;
+  EXPECT_HAS(reported.text, map_file(names[1]).string() +
+                                ": expected the map of these figures, with a maximum of");
 }
 
 TEST_F(SavedFolder, ACaseWithoutItsFileIsLeftOutByName) {
   fs::remove(map_file(names[0]));
   const safety::Ran reported = report();
   ASSERT_EQ(reported.code, 0) << reported.text;
-  EXPECT_NE(reported.text.find("error_free is in the table but has no map: " +
-                               map_file(names[0]).string() + " is missing (--save vtp writes it)"),
-            std::string::npos)
-      << reported.text;
+  EXPECT_HAS(reported.text, "error_free is in the table but has no map: " +
+                                map_file(names[0]).string() + " is missing (--save vtp writes it)");
   EXPECT_EQ(shown(), (std::vector<std::string>{names[1], names[2]}));
 }
 
@@ -210,9 +193,7 @@ TEST_F(SavedFolder, WithoutAnyMapThePageHasFiguresAndPictures) {
   for (const char* name : names) fs::remove(map_file(name));
   const safety::Ran reported = report();
   ASSERT_EQ(reported.code, 0) << reported.text;
-  EXPECT_NE(reported.text.find("perfect-position-ideal is in the table but has no map"),
-            std::string::npos)
-      << reported.text;
+  EXPECT_HAS(reported.text, "perfect-position-ideal is in the table but has no map");
   const ordered_json index = ordered_json::parse(script(text_of(page_file()), "index"));
   std::vector<std::string> blocks;
   for (const ordered_json& one : index.at("blocks")) blocks.push_back(one.at("id"));
@@ -225,9 +206,7 @@ TEST_F(SavedFolder, ACaseOfAnotherMeshIsLeftOutByName) {
   render::write_residual(map_file(names[1]), other);
   const safety::Ran reported = report();
   ASSERT_EQ(reported.code, 0) << reported.text;
-  EXPECT_NE(reported.text.find("uncompensated is in the table but has no map: its part is a mesh"),
-            std::string::npos)
-      << reported.text;
+  EXPECT_HAS(reported.text, "uncompensated is in the table but has no map: its part is a mesh");
   EXPECT_EQ(shown(), (std::vector<std::string>{names[0], names[2]}));
 }
 
@@ -237,8 +216,7 @@ TEST_F(SavedFolder, AMapWithoutFormHasTheResidualAlone) {
   render::write_residual(map_file(names[2]), field);
   const safety::Ran reported = report();
   ASSERT_EQ(reported.code, 0) << reported.text;
-  EXPECT_NE(reported.text.find(map_file(names[2]).string() + " has no form_um"), std::string::npos)
-      << reported.text;
+  EXPECT_HAS(reported.text, map_file(names[2]).string() + " has no form_um");
   const ordered_json index = ordered_json::parse(script(text_of(page_file()), "index"));
   EXPECT_TRUE(index.at("arrays").contains("residual2"));
   EXPECT_FALSE(index.at("arrays").contains("form0"));
@@ -249,16 +227,15 @@ TEST_F(SavedFolder, RegionsAreLeftOutByName) {
       << "\n[[part.region]]\nname = \"top\"\nz_mm = [-5, 0]\n";
   const safety::Ran reported = report();
   ASSERT_EQ(reported.code, 0) << reported.text;
-  EXPECT_NE(reported.text.find("the regions of the part are omitted"), std::string::npos)
-      << reported.text;
+  EXPECT_HAS(reported.text, "the regions of the part are omitted");
 }
 
 TEST_F(SavedFolder, ADamagedFileIsRefusedByName) {
   fs::resize_file(map_file(names[1]), fs::file_size(map_file(names[1])) / 2);
   const safety::Ran refused = report();
   EXPECT_EQ(refused.code, 3);
-  EXPECT_NE(refused.text.find(map_file(names[1]).string()), std::string::npos) << refused.text;
-  EXPECT_NE(refused.text.find("seen"), std::string::npos) << refused.text;
+  EXPECT_HAS(refused.text, map_file(names[1]).string());
+  EXPECT_HAS(refused.text, "seen");
   EXPECT_FALSE(fs::exists(page_file()));
 }
 
@@ -268,10 +245,7 @@ TEST_F(SavedFolder, ValuesThatNoPageCanHoldAreRefusedByName) {
   render::write_residual(map_file(names[1]), field);
   const safety::Ran refused = report();
   EXPECT_EQ(refused.code, 3);
-  EXPECT_NE(
-      refused.text.find("residual.vtp: expected a map that fits into a page, seen a deviation"),
-      std::string::npos)
-      << refused.text;
+  EXPECT_HAS(refused.text, "residual.vtp: expected a map that fits into a page, seen a deviation");
 }
 
 TEST_F(SavedFolder, ACaseThatNamesAnotherFolderOrComesTwiceIsRefused) {
@@ -288,7 +262,7 @@ TEST_F(SavedFolder, ACaseThatNamesAnotherFolderOrComesTwiceIsRefused) {
         << std::string(text).replace(at, name.size(), renamed);
     const safety::Ran refused = report();
     EXPECT_EQ(refused.code, 3);
-    EXPECT_NE(refused.text.find(seen), std::string::npos) << refused.text;
+    EXPECT_HAS(refused.text, seen);
   }
 }
 
@@ -298,8 +272,7 @@ TEST_F(SavedFolder, NoPageReplacesWhatItIsMadeOf) {
     const safety::Ran refused =
         safety::run("report " + folder.string() + " --force -o " + file.string());
     EXPECT_EQ(refused.code, 5);
-    EXPECT_NE(refused.text.find("expected a folder, seen a file"), std::string::npos)
-        << refused.text;
+    EXPECT_HAS(refused.text, "expected a folder, seen a file");
     EXPECT_EQ(text_of(file), before);
   }
 }
@@ -319,7 +292,7 @@ bool reports_a_map_with_samples(const std::string& sampling) {
   EXPECT_EQ(reported.code, 0) << reported.text;
   const render::Field field = render::read_residual(folder / "residual.vtp");
   fs::remove_all(folder);
-  const auto highest = [](const Eigen::VectorXd& values) {
+  const auto highest = [](const VectorXd& values) {
     return values.unaryExpr([](double v) { return std::isnan(v) ? -1e9 : v; }).maxCoeff();
   };
   EXPECT_GT(field.within_um.size(), 0);

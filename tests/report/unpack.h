@@ -1,12 +1,8 @@
 #pragma once
 
-#include <cstdint>
-#include <stdexcept>
-#include <string>
-
 #include <zlib.h>
-
 #include "sim/report/page_data.h"
+#include "tests/test.h"
 
 /// What a page does with its data, written from the description in page_data.h: a second unpacker
 /// beside render/report/unpack.js.
@@ -38,9 +34,9 @@ inline Eigen::MatrixXi numbers(const PackedColumns& packed,
       length != bytes.size())
     throw std::runtime_error("the packed columns are no zlib stream of their size");
   Eigen::MatrixXi result(packed.rows, packed.columns);
-  for (Eigen::Index c = 0; c < packed.columns; ++c) {
+  for (Index c = 0; c < packed.columns; ++c) {
     std::int64_t sum = 0;
-    for (Eigen::Index r = 0; r < packed.rows; ++r) {
+    for (Index r = 0; r < packed.rows; ++r) {
       std::uint64_t code = 0;
       for (std::size_t k = 0; k < 4; ++k)
         code |= std::uint64_t(

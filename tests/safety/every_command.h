@@ -1,12 +1,9 @@
 #pragma once
 
-#include <algorithm>
-#include <string>
-#include <vector>
-
 #include "sim/commands/command.h"
 #include "sim/commands/command_line.h"
 #include "tests/safety/program_run.h"
+#include "tests/test.h"
 
 /// Calls of every command, for what must hold of all.
 namespace abbe::safety {

@@ -1,30 +1,11 @@
-#include <algorithm>
-#include <array>
-#include <chrono>
-#include <cmath>
-#include <csignal>
-#include <cstdint>
-#include <cstdlib>
-#include <fstream>
-#include <iostream>
-#include <map>
-#include <random>
-#include <sstream>
-#include <string>
-#include <thread>
-#include <vector>
-
 #include <fcntl.h>
 #include <sched.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
-#include <unistd.h>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
+#include <csignal>
 #include "sim/files/output.h"
 #include "tests/safety/every_command.h"
+#include "tests/test.h"
 
 /// SIGINT and SIGTERM at random moments of every command: it ends with 130 within a second.
 namespace abbe::safety {

@@ -1,15 +1,13 @@
-#include <fstream>
-#include <functional>
-#include <map>
-#include <string>
-#include <thread>
-#include <vector>
-
-#include <gtest/gtest.h>
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/wait.h>
 #include <nlohmann/json.hpp>
-
+#include "sim/commands/shell_files.h"
+#include "sim/files/atomic_output.h"
 #include "sim/files/output.h"
+#include "tests/safety/every_command.h"
 #include "tests/safety/program_run.h"
+#include "tests/test.h"
 
 namespace abbe::safety {
 namespace {
@@ -37,12 +35,7 @@ std::string touched(const std::map<std::string, std::string>& before, const fs::
 }
 
 std::string refusal(const std::function<void()>& act) {
-  try {
-    act();
-  } catch (const OutputFailure& failure) {
-    return failure.what();
-  }
-  return "";
+  return thrown_text<OutputFailure>([&] { act(); });
 }
 
 /// A person's folder: a scene with its program, files of another run, notes.
@@ -73,7 +66,7 @@ TEST(Outputs, ARunIntoTheFolderOfItsSceneIsRefusedAndTouchesNothing) {
       SCOPED_TRACE(command + " --out " + out);
       const Ran ran = run(command + " scene.toml --out " + out, in(folder));
       EXPECT_EQ(ran.code, 5) << ran.text;
-      EXPECT_NE(ran.text.find("result"), std::string::npos) << "a suggestion: " << ran.text;
+      EXPECT_HAS(ran.text, "result") << "a suggestion";
       EXPECT_EQ(ran.text.find("--force"), std::string::npos) << "it would not help: " << ran.text;
       EXPECT_EQ(touched(before, folder.path()), "");
     }
@@ -85,7 +78,7 @@ TEST(Outputs, EvenForcedNoInputIsTouched) {
   const auto before = contents(folder.path());
   const Ran scene = run("run scene.toml --out . --force", in(folder));
   EXPECT_EQ(scene.code, 5) << scene.text;
-  EXPECT_NE(scene.text.find("scene.toml"), std::string::npos) << scene.text;
+  EXPECT_HAS(scene.text, "scene.toml");
   const auto after = contents(folder.path());
   for (const char* input : {"scene.toml", "p.ngc"}) EXPECT_EQ(after.at(input), before.at(input));
   EXPECT_EQ(after.at("notes.txt"), before.at("notes.txt"));
@@ -168,7 +161,7 @@ TEST(Outputs, AFolderAboveAnInputIsRefused) {
   for (const char* out : {"set", "link", "./link/deep/.."}) {
     const Ran ran = run(std::string("run set/deep/scene.toml --out ") + out, in(folder));
     EXPECT_EQ(ran.code, 5) << out << ": " << ran.text;
-    EXPECT_NE(ran.text.find("scene.toml"), std::string::npos) << ran.text;
+    EXPECT_HAS(ran.text, "scene.toml");
   }
 }
 
@@ -298,8 +291,7 @@ TEST(Outputs, AFileThatWasChangedSinceIsTheUsers) {
   const ResultFolder out(folder / "out", {});
   for (const char* name : {"a.txt", "b.txt"}) {
     const std::string text = bytes(out.path() / name);
-    EXPECT_NE(refusal([&] { write_file(out / name, "new"); }).find("was changed since"),
-              std::string::npos);
+    EXPECT_HAS(refusal([&] { write_file(out / name, "new"); }), "was changed since");
     remove_file(out / name);
     EXPECT_EQ(bytes(out.path() / name), text);
   }
@@ -408,8 +400,8 @@ TEST(Outputs, AVariantThatSharesAFolderIsRefusedWhereTheSceneIsRead) {
     for (const std::string command : {"compare scene.toml --trust --out out", "check scene.toml"}) {
       const Ran ran = run(command, in(folder));
       EXPECT_EQ(ran.code, 3) << command << ": " << ran.text;
-      EXPECT_NE(ran.text.find(fault.says), std::string::npos) << fault.says << ": " << ran.text;
-      EXPECT_NE(ran.text.find("a separate folder"), std::string::npos) << ran.text;
+      EXPECT_HAS(ran.text, fault.says);
+      EXPECT_HAS(ran.text, "a separate folder");
     }
     EXPECT_FALSE(fs::exists(folder / "out"));
   }
@@ -418,7 +410,7 @@ TEST(Outputs, AVariantThatSharesAFolderIsRefusedWhereTheSceneIsRead) {
   folder.write("mine.py", "");
   const Ran typed = run("compare scene.toml --compensator ./mine.py --out out", in(folder));
   EXPECT_EQ(typed.code, 3) << typed.text;
-  EXPECT_NE(typed.text.find("scene.toml:17:8"), std::string::npos) << typed.text;
+  EXPECT_HAS(typed.text, "scene.toml:17:8");
 }
 
 TEST(Outputs, FilesOfTheUsersAmongCasesAreRefusedBeforeTheWork) {
@@ -456,7 +448,7 @@ TEST(Outputs, AStudyNeitherFollowsLinksNorWritesOverFilesUnderTheNamesOfItsJourn
             << ran.text;
         EXPECT_EQ(bytes(own / ("out/" + name)), text);
         EXPECT_EQ(fs::is_symlink(own / ("out/" + name)), link);
-        EXPECT_NE(ran.text.find(name), std::string::npos) << ran.text;
+        EXPECT_HAS(ran.text, name);
       }
   ASSERT_EQ(run("study study.toml --out out", in(folder)).code, 0);
   folder.write("out/journal.sqlite-wal", "mine");
@@ -472,7 +464,7 @@ TEST(Outputs, WhatIsRefusedLeavesNoFolderBehind) {
   EXPECT_EQ(readings.code, 3) << readings.text;
   const Ran file = run("pose " + dome + " --grid X=0:1:2 --out g.csv", in(folder));
   EXPECT_EQ(file.code, 5) << file.text;
-  EXPECT_NE(file.text.find("--out g\n"), std::string::npos) << "a suggestion: " << file.text;
+  EXPECT_HAS(file.text, "--out g\n") << "a suggestion";
   EXPECT_TRUE(fs::is_empty(folder.path()));
 }
 
@@ -543,6 +535,136 @@ TEST(Outputs, ATornMarkKeepsWhatItSaysBefore) {
   write_file(ResultFolder(folder / "out", {}) / "c.txt", "newer");
   EXPECT_EQ(bytes(folder / "out/c.txt"), "newer");
   EXPECT_EQ(bytes(folder / "out/b.txt"), "whose?");
+}
+
+std::string at(const Folder& folder) { return "cd " + folder.path().string() + " &&"; }
+
+/// Every line that prints, of the commands and of the program itself.
+std::vector<std::string> printing_lines(const CommandList& list) {
+  std::vector<std::string> lines{"--help", "--version"};
+  for (const sim::GlobalOption& question : sim::global_options())
+    lines.push_back(question.name + (question.name == "--completion" ? " bash"
+                                     : question.name == "--cases"    ? " scene.toml"
+                                                                     : ""));
+  lines.push_back("__complete 1");
+  for (const sim::Command& command : list.commands) lines.push_back(command.name + " --help");
+  for (const CommandCall& call : small_calls()) {
+    const std::string line = call.command + " " + call.arguments;
+    const auto command = std::ranges::find(list.commands, call.command, &sim::Command::name);
+    lines.push_back(line);
+    if (has_option(*command, "--json")) lines.push_back(line + " --json");
+  }
+  return lines;
+}
+
+TEST(LostOutput, IsAnOutputErrorOfEveryCommand) {
+  const CommandList list;
+  ASSERT_EQ(uncalled(list.commands, small_calls()), "");
+  const Folder folder;
+  write_inputs(folder);
+  int lost = 0;
+  for (const std::string& line : printing_lines(list)) {
+    if (line.starts_with("new gantry")) fs::remove_all(folder / "first");
+    const Ran kept = run(line + " > printed.txt", at(folder));
+    EXPECT_EQ(kept.code, 0) << line << ": " << kept.text;
+    EXPECT_GT(fs::file_size(folder / "printed.txt"), 0u) << line;
+    for (const std::string to : {"> /dev/full", ">&-"}) {
+      if (line.starts_with("new gantry")) fs::remove_all(folder / "first");
+      if (to == ">&-" && (line.ends_with(" --help") || line.ends_with(" --json"))) continue;
+      const Ran ran = run(line + " " + to + ")", at(folder) + " (");
+      EXPECT_EQ(ran.code, 5) << line << " " << to << ": " << ran.text;
+      EXPECT_HAS(ran.text, "standard output: cannot be written") << line << " " << to;
+      lost += ran.code == 5;
+    }
+  }
+  std::cout << lost << " lines whose output was lost said so\n";
+  EXPECT_GT(lost, 70);
+}
+
+TEST(LostOutput, AClosedStreamIsNoFile) {
+  const Folder folder;
+  ASSERT_EQ(run("new gantry first > /dev/null", at(folder)).code, 0);
+  EXPECT_EQ(shell(at(folder) + " (" + ABBE_PROGRAM + " new gantry second <&- >&- 2>&-)").code, 5);
+  for (const auto& entry : fs::directory_iterator(folder / "first"))
+    EXPECT_EQ(bytes(folder / ("second/" + entry.path().filename().string())), bytes(entry.path()))
+        << entry.path();
+}
+
+TEST(LostOutput, AReaderThatLeavesEndsTheProgramAsOthers) {
+  const Ran ran =
+      shell("bash -c '" ABBE_PROGRAM " schema | head -c 1; echo \" ${PIPESTATUS[0]}\"'");
+  EXPECT_EQ(ran.text, "{ 141\n");
+}
+
+/// Names of the files below a folder that are not finished.
+std::string unfinished_in(const fs::path& folder) {
+  std::string names;
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
+    if (entry.path().filename().string().starts_with(".unfinished"))
+      names += fs::relative(entry.path(), folder).string() + " ";
+  return names;
+}
+
+TEST(LostOutput, TheLimitOnFilesIsAnOutputErrorOfEveryCommandAndInNoLaterRunsWay) {
+  const CommandList list;
+  const Folder folder;
+  write_inputs(folder);
+  std::set<std::string> failed;
+  for (const CommandCall& call : small_calls()) {
+    // blocks of 512 or 1024 bytes: what is larger fails half way, as on a full disk
+    const std::string line = call.command + " " + call.arguments;
+    fs::remove_all(folder / "out");  // so that a call meets only what its own failure left
+    const Ran ran =
+        run(line + " 2>&1 | cat; exit ${PIPESTATUS[0]}'", at(folder) + " bash -c 'ulimit -f 1;");
+    EXPECT_TRUE(ran.code == 0 || ran.code == 5) << line << ": " << ran.code << " " << ran.text;
+    if (ran.code == 5) {
+      failed.insert(call.command);
+      EXPECT_HAS(ran.text, "cannot be written") << line;
+      EXPECT_EQ(ran.text.find(".unfinished"), std::string::npos) << line << ": " << ran.text;
+      const Ran again = run(line, at(folder));
+      EXPECT_EQ(again.code, 0) << line << ", after it had failed: " << again.text;
+    }
+    EXPECT_EQ(unfinished_in(folder.path()), "") << line;
+  }
+  for (const char* command :
+       {"new", "run", "compare", "report", "measure", "identify", "evaluate", "study"})
+    EXPECT_TRUE(failed.contains(command)) << command << " writes more than a block";
+}
+
+TEST(LostOutput, WhatADeadProcessLeftIsRemovedAndNothingElse) {
+  const Folder folder;
+  fs::create_directories(folder / "out");
+  const pid_t child = ::fork();
+  if (child == 0) {
+    new sim::UnfinishedFile(folder / "out", "residual.vtp");  // killed before it is finished
+    ::_exit(0);
+  }
+  ::waitpid(child, nullptr, 0);
+  ASSERT_NE(unfinished_in(folder.path()), "");
+  const sim::UnfinishedFile alive(folder / "out", "summary.json");
+  folder.write("out/.unfinished-business", "mine");
+  folder.write("out/.unfinished-12", "mine");
+  fs::create_directories(folder / "out/.unfinished-1-0-folder");
+  folder.write("mine.txt", "mine");
+  fs::create_symlink(folder / "mine.txt", folder / "out/.unfinished-1-0-link");
+  const std::string left = "out/.unfinished-" + std::to_string(child) + "-0-residual.vtp";
+  EXPECT_TRUE(fs::exists(folder / left));
+  sim::remove_abandoned_files(folder / "out");
+  EXPECT_FALSE(fs::exists(folder / left));
+  EXPECT_TRUE(fs::exists(alive.path()));
+  for (const char* name : {"business", "12", "1-0-folder", "1-0-link"})
+    EXPECT_TRUE(fs::is_symlink(folder / (std::string("out/.unfinished-") + name)) ||
+                fs::exists(folder / (std::string("out/.unfinished-") + name)))
+        << name;
+  EXPECT_EQ(bytes(folder / "mine.txt"), "mine");
+}
+
+TEST(LostOutput, ALaterRunRemovesWhatAKilledOneLeft) {
+  const Folder folder;
+  write_inputs(folder);
+  folder.write("made/.unfinished-1-0-residual.vtp", "half of it");
+  ASSERT_EQ(run("run scene.toml --out made", at(folder)).code, 0);
+  EXPECT_EQ(unfinished_in(folder.path()), "");
 }
 
 }  // namespace

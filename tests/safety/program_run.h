@@ -1,19 +1,10 @@
 #pragma once
 
-#include <array>
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <random>
-#include <string>
-
 #include <sys/wait.h>
+#include "tests/test.h"
 
 /// The program run as a person runs it, and files for it.
 namespace abbe::safety {
-
-namespace fs = std::filesystem;
 
 inline const fs::path source = ABBE_SOURCE_DIR;
 

@@ -1,13 +1,8 @@
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
+#include "sim/scene/trust.h"
 #include <sys/stat.h>
 #include <nlohmann/json.hpp>
-
-#include "kinematics/bad_input.h"
-#include "sim/scene/trust.h"
 #include "tests/safety/program_run.h"
+#include "tests/test.h"
 
 namespace abbe::safety {
 namespace {
@@ -42,9 +37,9 @@ class Trust : public testing::Test {
     forget();
     const Ran refused = abbe(command + " --out out");
     EXPECT_EQ(refused.code, 3) << refused.text;
-    EXPECT_NE(refused.text.find(place), std::string::npos) << place << " in " << refused.text;
-    EXPECT_NE(refused.text.find("payload.py"), std::string::npos) << refused.text;
-    EXPECT_NE(refused.text.find("--trust"), std::string::npos) << refused.text;
+    EXPECT_HAS(refused.text, place);
+    EXPECT_HAS(refused.text, "payload.py");
+    EXPECT_HAS(refused.text, "--trust");
     EXPECT_FALSE(ran());
     EXPECT_FALSE(fs::exists(folder_ / "strange/out"));
   }
@@ -88,7 +83,7 @@ TEST_F(Trust, ASharedLibraryAndASubFileAndATrainingSceneAreAskedForToo) {
   folder_.write("strange/scene.toml", small_scene("[compare]\ncases = [\"./lib.so\"]\n"));
   const Ran library = abbe("compare scene.toml --out out");
   EXPECT_EQ(library.code, 3) << library.text;
-  EXPECT_NE(library.text.find("lib.so"), std::string::npos) << library.text;
+  EXPECT_HAS(library.text, "lib.so");
 
   folder_.write(
       "strange/training.toml",
@@ -131,8 +126,8 @@ TEST_F(Trust, CheckListsWhatASceneWouldRunAndRunsNothing) {
   folder_.write("strange/scene.toml", small_scene("[compare]\ncases = [\"./payload.py\"]\n"));
   const Ran text = abbe("check scene.toml");
   EXPECT_EQ(text.code, 0) << text.text;
-  EXPECT_NE(text.text.find("payload.py"), std::string::npos) << text.text;
-  EXPECT_NE(text.text.find("NOT trusted"), std::string::npos) << text.text;
+  EXPECT_HAS(text.text, "payload.py");
+  EXPECT_HAS(text.text, "NOT trusted");
   const auto json = json_of("check scene.toml --json");
   ASSERT_EQ(json["programs"].size(), 1u);
   EXPECT_EQ(json["programs"][0]["line"], 13);
@@ -166,29 +161,22 @@ TEST_F(Trust, TheTrustFileCoversSceneAndProgramAlike) {
 
 TEST_F(Trust, ATrustFileThatOthersCanWriteIsRefused) {
   const fs::path file = folder_.write("config/abbe/trust", (folder_ / "strange").string() + "\n");
-  const auto refusal = [&] {
-    try {
-      sim::trusted_folders(file);
-    } catch (const BadInput& fault) {
-      return std::string(fault.what());
-    }
-    return std::string();
-  };
+  const auto refusal = [&] { return thrown_text<BadInput>([&] { sim::trusted_folders(file); }); };
   ::chmod(file.c_str(), 0600);
   EXPECT_EQ(refusal(), "");
   for (const ::mode_t mode : {0620, 0602, 0666}) {
     ::chmod(file.c_str(), mode);
-    EXPECT_NE(refusal().find("others can write"), std::string::npos) << mode;
+    EXPECT_HAS(refusal(), "others can write") << mode;
     folder_.write("strange/scene.toml", small_scene("[compare]\ncases = [\"./payload.py\"]\n"));
     EXPECT_EQ(abbe("compare scene.toml --out out").code, 3);
     EXPECT_FALSE(ran());
   }
   ::chmod(file.c_str(), 0600);
   ::chmod(file.parent_path().c_str(), 0777);
-  EXPECT_NE(refusal().find("others can write"), std::string::npos);
+  EXPECT_HAS(refusal(), "others can write");
   ::chmod(file.parent_path().c_str(), 0700);
   folder_.write("config/abbe/trust", "strange\n");
-  EXPECT_NE(refusal().find("trust:1"), std::string::npos) << refusal();
+  EXPECT_HAS(refusal(), "trust:1");
 }
 
 TEST_F(Trust, TheResolvedSceneOfAResultAsksAgain) {
@@ -197,7 +185,7 @@ TEST_F(Trust, TheResolvedSceneOfAResultAsksAgain) {
   ASSERT_EQ(abbe("run scene.toml --compensator " + mirror.string() + " --out first").code, 0);
   const Ran again = abbe("run first/scene.toml --out again");
   EXPECT_EQ(again.code, 3) << again.text;
-  EXPECT_NE(again.text.find("mirror.py"), std::string::npos) << again.text;
+  EXPECT_HAS(again.text, "mirror.py");
   EXPECT_EQ(abbe("run first/scene.toml --out again --trust").code, 0);
 }
 

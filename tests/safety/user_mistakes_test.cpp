@@ -1,14 +1,5 @@
 // No mistake of a user gives another result in silence (mistakes/mistake.h).
 
-#include <iostream>
-#include <set>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
-#include "kinematics/bad_input.h"
 #include "sim/commands/calibration_commands.h"
 #include "sim/cut/collisions.h"
 #include "sim/cut/placement.h"
@@ -18,6 +9,7 @@
 #include "sim/study/configuration.h"
 #include "sim/study/study.h"
 #include "tests/safety/mistakes/mistake.h"
+#include "tests/test.h"
 
 namespace abbe::safety {
 namespace {
@@ -162,8 +154,7 @@ TEST_P(MistakesIn, EachIsSaid) {
     const bool is_error = row.expected == Expected::InputError;
     EXPECT_EQ(!said.input_error.empty(), is_error) << said.input_error << joined(said.warnings);
     const std::string text = is_error ? said.input_error : joined(said.warnings);
-    EXPECT_NE(text.find(row.says), std::string::npos)
-        << "expected \"" << row.says << "\", seen" << text;
+    EXPECT_HAS(text, row.says);
   }
 }
 

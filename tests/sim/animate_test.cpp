@@ -1,23 +1,13 @@
 // `abbe animate`: which moments a film shows, what stands where in its frames, and what is left on
 // the disk.
 
-#include <algorithm>
-#include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <iostream>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
 #include "sim/cut/bodies.h"
 #include "sim/cut/cut.h"
 #include "sim/report/program_film.h"
 #include "sim/report/result_files.h"
 #include "tests/safety/program_run.h"
 #include "tests/sim/small_scene.h"
+#include "tests/test.h"
 
 #ifndef ABBE_RENDER
 #define ABBE_RENDER 0
@@ -29,7 +19,6 @@
 namespace abbe::sim {
 namespace {
 
-namespace fs = std::filesystem;
 using safety::Ran;
 
 // --- which moments
@@ -96,7 +85,7 @@ TEST(FilmEncoder, IsCalledWithEveryFrameAndNoShell) {
   EXPECT_NE(std::ranges::find(command, "libx264"), command.end());
   EXPECT_EQ(command.back(), "/out/film.mp4");
   const std::string text = shell_text(command);
-  EXPECT_NE(text.find("'/some/where 100%%/frame_%05d.png'"), std::string::npos) << text;
+  EXPECT_HAS(text, "'/some/where 100%%/frame_%05d.png'");
   EXPECT_EQ(shell_text({"it's"}), "'it'\\''s'");
 }
 
@@ -183,7 +172,7 @@ TEST(ProgramFilm, TheToolStandsAtItsErrorsMagnified) {
   for (std::size_t k = 0; k < 4; ++k) {
     const render::FilmState a = plain.state(k), b = large.state(k);
     EXPECT_TRUE(a.paths.empty());
-    const auto tip = [](const render::FilmState& state) -> Eigen::Vector3d {
+    const auto tip = [](const render::FilmState& state) -> Vector3d {
       return (state.T_bw.inverse() * *state.T_b.back()).translation();
     };
     const double error_um = std::stod(a.values.at(4));
@@ -195,7 +184,7 @@ TEST(ProgramFilm, TheToolStandsAtItsErrorsMagnified) {
     EXPECT_EQ(b.paths[0].segments, b.paths[1].segments);
     EXPECT_GT((b.paths[0].points - b.paths[1].points).rowwise().norm().maxCoeff(), 0.1);
   }
-  EXPECT_NE(large.setting().subtitle.find("errors magnified 100 ×"), std::string::npos);
+  EXPECT_HAS(large.setting().subtitle, "errors magnified 100 ×");
 }
 
 TEST(ProgramFilm, TheDesignIsColouredAsItIsCut) {
@@ -252,7 +241,7 @@ TEST(ProgramFilm, AMachineWithoutBodiesIsSchematicAndSaysSo) {
   const Commands commands = uncompensated_commands(job);
   const Cut made = cut(job, commands);
   const ProgramFilm film({job, commands, made.process, &made.surface}, whole_plan(job, 2));
-  EXPECT_NE(film.setting().machine_name.find("schematic"), std::string::npos);
+  EXPECT_HAS(film.setting().machine_name, "schematic");
   EXPECT_GE(film.setting().bodies.size(), std::size_t(5 + 2)) << "five axes, cutter and shank";
 }
 
@@ -303,7 +292,7 @@ TEST_F(Animate, LeavesTheFramesThatWereAskedForWithTheSameBytesEachTime) {
     const std::string line = scene + ".toml --magnify auto" + tiny_film + " --out ";
     const Ran ran = animate(line + scene);
     ASSERT_EQ(ran.code, 0) << ran.text;
-    EXPECT_NE(ran.text.find("4 frames in"), std::string::npos) << ran.text;
+    EXPECT_HAS(ran.text, "4 frames in");
     EXPECT_EQ(frames(scene).size(), 4u);
     ASSERT_EQ(animate(line + "again --threads 1").code, 0);
     for (int k = 1; k <= 4; ++k) {
@@ -341,8 +330,8 @@ TEST_F(Animate, WithoutFfmpegTheFramesStayAndTheCommandIsSaid) {
   EXPECT_EQ(ran.code, 0) << ran.text;
   EXPECT_EQ(frames("film").size(), 2u);
   EXPECT_FALSE(fs::exists(folder_.path() / "film/film.mp4"));
-  EXPECT_NE(ran.text.find("no ffmpeg on the PATH"), std::string::npos) << ran.text;
-  EXPECT_NE(ran.text.find("ffmpeg -hide_banner"), std::string::npos) << ran.text;
+  EXPECT_HAS(ran.text, "no ffmpeg on the PATH");
+  EXPECT_HAS(ran.text, "ffmpeg -hide_banner");
 }
 
 TEST_F(Animate, FfmpegMakesOneFile) {
@@ -353,8 +342,8 @@ TEST_F(Animate, FfmpegMakesOneFile) {
     EXPECT_EQ(ran.code, 0) << ran.text;
     const std::string film = bytes(folder_.path() / "film" / ("film." + format));
     EXPECT_GT(film.size(), 1000u);
-    EXPECT_NE(film.find(format == "mp4" ? "ftyp" : "webm"), std::string::npos);
-    EXPECT_NE(ran.text.find("film in"), std::string::npos) << ran.text;
+    EXPECT_HAS(film, format == "mp4" ? "ftyp" : "webm");
+    EXPECT_HAS(ran.text, "film in");
   }
   EXPECT_FALSE(fs::exists(folder_.path() / "film/film.mp4")) << "of the film before";
 }
@@ -367,7 +356,7 @@ TEST_F(Animate, AnEncoderThatFailsIsAFaultOfTheOutputAndLeavesNoFilm) {
   const Ran ran = animate("plain.toml --seconds 0.2 --fps 10 --size 400x300 --out film",
                           "PATH=" + (folder_.path() / "bin").string() + ":$PATH ");
   EXPECT_EQ(ran.code, 5) << ran.text;
-  EXPECT_NE(ran.text.find("no codec"), std::string::npos) << ran.text;
+  EXPECT_HAS(ran.text, "no codec");
   EXPECT_FALSE(fs::exists(folder_.path() / "film/film.mp4"));
   EXPECT_EQ(frames("film").size(), 2u);
 }
@@ -393,23 +382,22 @@ TEST_F(Animate, OptionsThatCannotBeAreRefusedBeforeAnythingIsCut) {
   for (const auto& [options, expected] : slips) {
     const Ran ran = animate("plain.toml --out film " + std::string(options));
     EXPECT_EQ(ran.code, 2) << options << "\n" << ran.text;
-    EXPECT_NE(ran.text.find(expected), std::string::npos) << options << "\n" << ran.text;
+    EXPECT_HAS(ran.text, expected) << options;
   }
   EXPECT_FALSE(fs::exists(folder_.path() / "film"));
   if (!ABBE_RENDER) return;
   const Ran outside = animate("plain.toml --out film --lines 500:600");
   EXPECT_EQ(outside.code, 2) << outside.text;
-  EXPECT_NE(outside.text.find("--lines: expected lines with motion blocks"), std::string::npos);
+  EXPECT_HAS(outside.text, "--lines: expected lines with motion blocks");
   const Ran one = animate("plain.toml --out film --lines 500");
-  EXPECT_NE(one.text.find("--lines: expected lines with motion blocks"), std::string::npos)
-      << one.text;
+  EXPECT_HAS(one.text, "--lines: expected lines with motion blocks");
 }
 
 TEST_F(Animate, WithoutVtkItSaysSo) {
   if (ABBE_RENDER) GTEST_SKIP();
   const Ran ran = animate("plain.toml --out film");
   EXPECT_EQ(ran.code, 3);
-  EXPECT_NE(ran.text.find("-DABBE_RENDER=ON"), std::string::npos) << ran.text;
+  EXPECT_HAS(ran.text, "-DABBE_RENDER=ON");
 }
 
 }  // namespace

@@ -1,16 +1,7 @@
 // Channels as they show on the part: what each leaves of a perfect belief, against its formula.
 
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-#include <Eigen/Geometry>
-
 #include "cutting/map/residual.h"
 #include "errors/geometric.h"
-#include "kinematics/units.h"
 #include "sim/compensation/channels.h"
 #include "sim/cut/commands.h"
 #include "sim/loop/compensate.h"
@@ -19,13 +10,10 @@
 #include "tests/compensation/encoder_signals.h"
 #include "tests/sim/signal_columns.h"
 #include "tests/sim/small_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
-
-using namespace abbe::literals;
-using Eigen::Vector3d;
-using Eigen::VectorXd;
 
 constexpr double flat_feed = 50.0;  // mm/s, along X on the flat
 
@@ -86,7 +74,7 @@ struct BeyondIdeal {
 BeyondIdeal beyond_ideal(const Job& job, const std::string& name, const cutting::Surface& ideal) {
   BeyondIdeal left{{}, {}, cut(job, parse_case(name))};
   left.by = cutting::minus(left.cut.surface, ideal).residual;
-  for (Eigen::Index i = 0; i < left.by.size(); ++i)
+  for (Index i = 0; i < left.by.size(); ++i)
     if (left.cut.surface.status[std::size_t(i)] != cutting::VertexStatus::Cut ||
         ideal.status[std::size_t(i)] != cutting::VertexStatus::Cut)
       left.by[i] = std::numeric_limits<double>::quiet_NaN();
@@ -154,7 +142,7 @@ Vector3d counts_run(const Job& job, const BeyondIdeal& left) {
   for (int k = 0; k < 3; ++k) {
     const VectorXd& correction = signals.at(fmt::format("{}_correction_um", "XYZ"[k]));
     double least = 1e9, most = -1e9;
-    for (Eigen::Index i = 0; i < time_s.size(); ++i) {
+    for (Index i = 0; i < time_s.size(); ++i) {
       if (time_s[i] < left.time_s.minCoeff() || time_s[i] > left.time_s.maxCoeff()) continue;
       least = std::min(least, correction[i]);
       most = std::max(most, correction[i]);
@@ -307,7 +295,7 @@ TEST(ChannelScenes, APiezoStopsAtTheEndOfItsStroke) {
   const BeyondIdeal left = beyond_ideal(job, "perfect-position-piezo", ideal_map(job));
   const VectorXd stroke = columns(left.cut.signals).at("piezo_um");
   double worst = 0.0, beyond = 0.0;
-  for (Eigen::Index i = 0; i < left.by.size(); ++i) {
+  for (Index i = 0; i < left.by.size(); ++i) {
     if (std::isnan(left.by[i])) continue;
     const Vector3d p_w = job.design_w.vertices.row(i).transpose();
     const double wanted = -um_per_mm * p_w.x() * units::um;
@@ -344,7 +332,7 @@ TEST(ChannelScenes, APiezoYieldsUnderTheForceOfTheCut) {
   const Cut rigid = cut(stiff, parse_case("perfect-position-piezo"));
   const BeyondIdeal left = beyond_ideal(soft, "perfect-position-piezo", rigid.surface);
   double worst = 0.0, most = 0.0, sum = 0.0;
-  for (Eigen::Index i = 0; i < left.by.size(); ++i) {
+  for (Index i = 0; i < left.by.size(); ++i) {
     if (std::isnan(left.by[i])) continue;
     const double force = load_at(left.cut.process, left.time_s[i]).tool_wrench_t.z();
     most = std::max(most, std::abs(force / 20e3));
@@ -364,14 +352,14 @@ TEST(ChannelScenes, APiezoYieldsUnderTheForceOfTheCut) {
 VectorXd along(const Job& job, const Vector3d& direction,
                const std::vector<kinematics::AxisState>& corrected) {
   const auto commanded = uncompensated_commands(job).samples.states;
-  VectorXd result(Eigen::Index(corrected.size()));
+  VectorXd result(Index(corrected.size()));
   for (std::size_t i = 0; i < corrected.size(); ++i) {
     double sum = 0.0;
     for (int k = 0; k < 3; ++k) {
       const int joint = job.machine.control.find("XYZ"[k]).value();
       sum += direction[k] * (corrected[i].q[joint] - commanded[i].q[joint]);
     }
-    result[Eigen::Index(i)] = sum;
+    result[Index(i)] = sum;
   }
   return result;
 }
@@ -384,12 +372,12 @@ struct OnThePart {
 OnThePart on_the_part(const Job& job, const VectorXd& of_sample, const BeyondIdeal& left) {
   const auto& states = job.samples.states;
   OnThePart part;
-  for (Eigen::Index v = 0; v < left.by.size(); ++v) {
+  for (Index v = 0; v < left.by.size(); ++v) {
     if (std::isnan(left.by[v])) continue;
     const auto after = std::lower_bound(
         states.begin() + 1, states.end() - 1, left.time_s[v],
         [](const kinematics::AxisState& state, double time_s) { return state.time_s < time_s; });
-    const Eigen::Index i = after - states.begin();
+    const Index i = after - states.begin();
     const double rate = (of_sample[i] - of_sample[i - 1]) / (after->time_s - (after - 1)->time_s);
     const double value = of_sample[i] + rate * (left.time_s[v] - after->time_s);
     part.value += value * value;
@@ -413,9 +401,9 @@ double spacing_bound(const Job& job, const Vector3d& n) {
                                                              job.scene.compensation.table.options);
     if (positions.size() < 2) continue;
     const double h = positions[1] - positions[0], step = h / 16;
-    const Eigen::Index points = Eigen::Index((high[axis] - low[axis] + 2 * h) / step) + 1;
+    const Index points = Index((high[axis] - low[axis] + 2 * h) / step) + 1;
     VectorXd value(points);
-    for (Eigen::Index i = 0; i < points; ++i) {
+    for (Index i = 0; i < points; ++i) {
       kinematics::AxisState state = job.samples.states.front();
       state.q = 0.5 * (low + high);
       state.q[axis] = low[axis] - h + double(i) * step;
@@ -545,16 +533,16 @@ TimeSeries wanted_of_sensors(const Job& job) {
             << course.time_s.size() << "\n";
   EXPECT_EQ(course.terms.size(), 1u);
   EXPECT_EQ(course.terms[0].component, 2) << "along Z";
-  const Eigen::Index rows =
+  const Index rows =
       std::count_if(course.time_s.begin(), course.time_s.end(), [](double t) { return t <= 0.0; });
   return {course.time_s.head(rows), -course.value.topRows(rows)};
 }
 
 /// Z goes up and down once after every reading and rests until the next.
 TimeSeries strokes(const TimeSeries& wanted, double z) {
-  const Eigen::Index n = wanted.time_s.size() - 1;
-  TimeSeries motion{VectorXd(3 * n + 1), Eigen::MatrixXd(3 * n + 1, 1)};
-  for (Eigen::Index k = 0; k < n; ++k) {
+  const Index n = wanted.time_s.size() - 1;
+  TimeSeries motion{VectorXd(3 * n + 1), MatrixXd(3 * n + 1, 1)};
+  for (Index k = 0; k < n; ++k) {
     motion.time_s.segment<3>(3 * k) =
         wanted.time_s[k] + Eigen::Array3d(0.0, stroke_s, 2 * stroke_s);
     motion.value.col(0).segment<3>(3 * k) = Eigen::Array3d(z, z + stroke, z);
@@ -565,7 +553,7 @@ TimeSeries strokes(const TimeSeries& wanted, double z) {
 }
 
 /// Part of the motion with each pair carried out at once by the loop.
-TimeSeries carried(const TimeSeries& motion, Eigen::Index first, double offset,
+TimeSeries carried(const TimeSeries& motion, Index first, double offset,
                    const std::vector<Insertion>& pairs) {
   std::vector<std::pair<double, double>> knots;
   std::size_t next = 0;
@@ -578,15 +566,14 @@ TimeSeries carried(const TimeSeries& motion, Eigen::Index first, double offset,
       knots.emplace_back(at_s, z + offset);
     }
   };
-  for (Eigen::Index i = first; i < first + 4; ++i) {
+  for (Index i = first; i < first + 4; ++i) {
     jump_until(motion.time_s[i] - 1e-8);
     knots.emplace_back(motion.time_s[i], motion.value(i, 0) + offset);
   }
-  TimeSeries course{VectorXd(Eigen::Index(knots.size())),
-                    Eigen::MatrixXd(Eigen::Index(knots.size()), 1)};
+  TimeSeries course{VectorXd(Index(knots.size())), MatrixXd(Index(knots.size()), 1)};
   for (std::size_t i = 0; i < knots.size(); ++i) {
-    course.time_s[Eigen::Index(i)] = knots[i].first;
-    course.value(Eigen::Index(i), 0) = knots[i].second;
+    course.time_s[Index(i)] = knots[i].first;
+    course.value(Index(i), 0) = knots[i].second;
   }
   return course;
 }
@@ -597,7 +584,7 @@ struct Minute {
   std::vector<long> whole;
 };
 
-Minute minute_of(const TimeSeries& wanted, Eigen::Index row, double phase) {
+Minute minute_of(const TimeSeries& wanted, Index row, double phase) {
   const double start = wanted.time_s[0];
   Minute minute{std::lround(std::ceil((wanted.time_s[row] - start) / cycle_s - 1e-6)), {}};
   for (long k = minute.first_cycle; start + double(k) * cycle_s < wanted.time_s[row + 1] - 1e-6;
@@ -609,7 +596,7 @@ Minute minute_of(const TimeSeries& wanted, Eigen::Index row, double phase) {
 
 /// Encoder, computer, box and loop in a ring over one minute, closed pair by pair.
 /// @param done  counts corrected before it. @return those after it
-long counts_closed(const TimeSeries& motion, Eigen::Index row, const Minute& minute, long done,
+long counts_closed(const TimeSeries& motion, Index row, const Minute& minute, long done,
                    double phase) {
   std::vector<Insertion> pairs;
   for (;;) {
@@ -667,13 +654,13 @@ TEST(ChannelScenes, PulsesCarryTheSpindleBackOverADayAtSignalLevel) {
     at.q[Z] += correction;
     return tool_in_workpiece(job.truth, at).translation().z();
   };
-  const Eigen::Index n = wanted.time_s.size();
+  const Index n = wanted.time_s.size();
   const long start = std::lround(wanted.value(0, 0) / period - phase);
   const double zero = height(wanted.time_s[0], 0.0);
   VectorXd before(n - 1), after(n - 1);
   double apart = 0.0;
   long done = start, pairs = 0;
-  for (Eigen::Index row = 0; row + 1 < n; ++row) {
+  for (Index row = 0; row + 1 < n; ++row) {
     const long next = counts_closed(motion, row, minute_of(wanted, row, phase), done, phase);
     pairs += std::abs(next - done);
     done = next;
@@ -711,7 +698,7 @@ TEST(ChannelScenes, SignalsTellWhatAChannelAdds) {
     const VectorXd &X = signals.at("X_mm"), &dZ = signals.at("Z_correction_um");
     const double cut_height = signals.at("Z_mm").minCoeff();
     double worst = 0.0, off_count = 0.0;
-    for (Eigen::Index i = 0; i < X.size(); ++i) {
+    for (Index i = 0; i < X.size(); ++i) {
       if (std::abs(X[i]) > 18.0 || signals.at("Z_mm")[i] > cut_height + 1.0) continue;
       worst = std::max(worst, std::abs(dZ[i] + 0.1 * X[i]));
       off_count = std::max(off_count, std::abs(std::remainder(dZ[i] / 0.25 - phase, 1.0)));

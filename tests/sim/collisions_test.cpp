@@ -1,24 +1,14 @@
 #include "sim/cut/collisions.h"
-
-#include <cmath>
-#include <iostream>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
-
 #include "sim/cut/bodies.h"
 #include "sim/cut/cut.h"
 #include "sim/report/program_report.h"
 #include "sim/scene/cases.h"
 #include "tests/sim/small_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
-
-using Eigen::Vector3d;
 
 /// A mesh as an STL of text.
 std::string stl_text(const cutting::ClosedMesh& mesh) {
@@ -226,7 +216,7 @@ TEST(Collisions, AShankOfItsOwnRadiusInTheStock) {
   const Collisions necked = with_shank("shank_radius_mm = 4\n");
   EXPECT_TRUE(is_clear(necked)) << to_text(necked);
   ASSERT_FALSE(necked.warnings.empty());
-  EXPECT_NE(necked.warnings.back().find("a shank of the cutter radius, 5 mm"), std::string::npos);
+  EXPECT_HAS(necked.warnings.back(), "a shank of the cutter radius, 5 mm");
   // wider than its cutter it is met once, by its own radius
   const Collisions wide = with_shank("shank_radius_mm = 5.4\n");
   std::vector<Collision> of_stock = contacts_of(wide);
@@ -306,8 +296,7 @@ TEST(Collisions, ACompensatedProgramPastTheEndOfTravel) {
       collisions(at_the_end, compensate(at_the_end, perfect), "perfect-iterated-program");
   std::cout << to_text(all);
   EXPECT_FALSE(is_clear(all));
-  EXPECT_NE(all.beyond_travel.find("X between -300 and 18 mm"), std::string::npos)
-      << all.beyond_travel;
+  EXPECT_HAS(all.beyond_travel, "X between -300 and 18 mm");
   EXPECT_TRUE(
       is_clear(collisions(at_the_end, uncompensated_commands(at_the_end), "uncompensated")));
   const Job with_room = job_to("[-300, 18.1]");
@@ -388,13 +377,8 @@ TEST(Collisions, EveryShapeOfABodyIsMetWhereItIs) {
 }
 
 /// The faults of a scene, one a line; empty where it is read.
-std::string faults_of(const PlantedCrash& planted) {
-  try {
-    planted_job(planted);
-  } catch (const BadScene& input_errors) {
-    return input_errors.what();
-  }
-  return "";
+std::string planted_errors(const PlantedCrash& planted) {
+  return thrown_text<BadScene>([&] { planted_job(planted); });
 }
 
 TEST(Collisions, ANameThatTwoBodiesHaveIsRefused) {
@@ -403,23 +387,18 @@ TEST(Collisions, ANameThatTwoBodiesHaveIsRefused) {
            "size_mm = [20, 20, 15]\nat_mm = [-40, -30, 27.5]\n";
   };
   const auto input_errors = [&](const std::string& more) {
-    return faults_of({"G1 Z90 F1000", "", more});
+    return planted_errors({"G1 Z90 F1000", "", more});
   };
   for (const char* own : {"part", "stock", "cutter", "shank", "holder"}) {
     const std::string text = input_errors(fixture(own));
-    EXPECT_NE(text.find(fmt::format("scene.toml:12:8: expected a unique name for a fixture, seen "
-                                    "\"{0}\", the name of the {0} itself",
-                                    own)),
-              std::string::npos)
-        << text;
+    EXPECT_HAS(text, fmt::format("scene.toml:12:8: expected a unique name for a fixture, seen "
+                                 "\"{0}\", the name of the {0} itself",
+                                 own));
   }
-  EXPECT_NE(
-      input_errors(fixture("ram")).find("seen \"ram\", already the name of a body of the machine"),
-      std::string::npos);
-  EXPECT_NE(input_errors(fixture("vice") + fixture("vice")).find("scene.toml:16:8: "),
-            std::string::npos);
-  EXPECT_NE(input_errors(fixture("") + fixture("fixture")).find("seen \"fixture\""),
-            std::string::npos);
+  EXPECT_HAS(input_errors(fixture("ram")),
+             "seen \"ram\", already the name of a body of the machine");
+  EXPECT_HAS(input_errors(fixture("vice") + fixture("vice")), "scene.toml:16:8: ");
+  EXPECT_HAS(input_errors(fixture("") + fixture("fixture")), "seen \"fixture\"");
   EXPECT_EQ(input_errors(fixture("vice") + fixture("jaw")), "");
   // without names of their own they are numbered
   EXPECT_EQ(input_errors(fixture("") + fixture("")), "");
@@ -432,24 +411,20 @@ TEST(Collisions, ANameThatTwoBodiesHaveIsRefused) {
       {"machine.body",
        "[{ name = \"ram\", carried_by = \"Z\", size_mm = [1, 1, 1] }, "
        "{ name = \"ram\", size_mm = [1, 1, 1] }]"}};
-  EXPECT_NE(faults_of({"G1 Z90 F1000", "", "", twice})
-                .find("expected a unique name for a body of the machine"),
-            std::string::npos);
+  EXPECT_HAS(planted_errors({"G1 Z90 F1000", "", "", twice}),
+             "expected a unique name for a body of the machine");
 }
 
 TEST(Collisions, APairToBeLeftOutMustBeThere) {
   const auto input_errors = [&](const char* a, const char* b) {
-    return faults_of(
+    return planted_errors(
         {"G1 Z90 F1000", "", fmt::format("[[collision.ignore]]\na = \"{}\"\nb = \"{}\"\n", a, b)});
   };
   EXPECT_EQ(input_errors("ram", "stock"), "");
   EXPECT_EQ(input_errors("holder", "part"), "");  // of another tool, perhaps
   const std::string text = input_errors("ram", "haulder");
-  EXPECT_NE(text.find("scene.toml:13:5: expected the name of a body: table, base, "),
-            std::string::npos)
-      << text;
-  EXPECT_NE(input_errors("ram", "ram").find("expected the name of a body other than"),
-            std::string::npos);
+  EXPECT_HAS(text, "scene.toml:13:5: expected the name of a body: table, base, ");
+  EXPECT_HAS(input_errors("ram", "ram"), "expected the name of a body other than");
 }
 
 TEST(Collisions, AHolderThatCannotBeIsRefusedAndAnOddOneWarnedOf) {
@@ -457,11 +432,9 @@ TEST(Collisions, AHolderThatCannotBeIsRefusedAndAnOddOneWarnedOf) {
     return PlantedCrash{"G1 Z90 F1000",
                         "[tool.holder]\nradii_mm = [15, 15, 20]\nheights_mm = " + heights + "\n"};
   };
-  EXPECT_NE(faults_of(with("[-5, 60, 100]")).find("a holder that begins 5 mm below the tip"),
-            std::string::npos);
-  EXPECT_NE(faults_of(with("[0, 60, 100]")).find("a holder that begins at the tip"),
-            std::string::npos);
-  EXPECT_NE(faults_of(with("[60, 35, 100]")).find("decreasing heights"), std::string::npos);
+  EXPECT_HAS(planted_errors(with("[-5, 60, 100]")), "a holder that begins 5 mm below the tip");
+  EXPECT_HAS(planted_errors(with("[0, 60, 100]")), "a holder that begins at the tip");
+  EXPECT_HAS(planted_errors(with("[60, 35, 100]")), "decreasing heights");
   const auto warned = [&](const std::string& heights, const std::string& words) {
     std::string all;
     for (const std::string& text : planted_job(with(heights)).warnings) all += text + "\n";
@@ -491,27 +464,21 @@ TEST(Collisions, BodiesThatCannotBeAreRefused) {
     }
     return "accepted";
   };
-  EXPECT_NE(refused("size_mm = [20, 0, 30]\n").find("sizes above 0"), std::string::npos);
-  EXPECT_NE(refused("shape = \"sphere\"\nradius_mm = 0\n").find("radius_mm"), std::string::npos);
-  EXPECT_NE(refused("shape = \"cone\"\nradius_below_mm = 0\nradius_above_mm = 0\nheight_mm = 3\n")
-                .find("one radius above 0"),
-            std::string::npos);
-  EXPECT_NE(refused("shape = \"revolution\"\nradii_mm = [3, 4]\nheights_mm = [5, 2]\n")
-                .find("decreasing heights"),
-            std::string::npos);
-  EXPECT_NE(refused("shape = \"extrusion\"\nx_mm = [0, 0, 5]\ny_mm = [0, 5, 0]\nheight_mm = 3\n")
-                .find("counter-clockwise"),
-            std::string::npos);
-  EXPECT_NE(refused("shape = \"ball\"\nradius_mm = 3\n").find("shape"), std::string::npos);
+  EXPECT_HAS(refused("size_mm = [20, 0, 30]\n"), "sizes above 0");
+  EXPECT_HAS(refused("shape = \"sphere\"\nradius_mm = 0\n"), "radius_mm");
+  EXPECT_HAS(refused("shape = \"cone\"\nradius_below_mm = 0\nradius_above_mm = 0\nheight_mm = 3\n"),
+             "one radius above 0");
+  EXPECT_HAS(refused("shape = \"revolution\"\nradii_mm = [3, 4]\nheights_mm = [5, 2]\n"),
+             "decreasing heights");
+  EXPECT_HAS(refused("shape = \"extrusion\"\nx_mm = [0, 0, 5]\ny_mm = [0, 5, 0]\nheight_mm = 3\n"),
+             "counter-clockwise");
+  EXPECT_HAS(refused("shape = \"ball\"\nradius_mm = 3\n"), "shape");
   const SceneFolder folder;
   cutting::ClosedMesh open = cutting::box_mesh({10, 10, 10});
   open.triangles.conservativeResize(open.triangles.rows() - 1, 3);
   const std::string file = folder.write("open.stl", stl_text(open)).string();
-  EXPECT_NE(refused("shape = \"mesh\"\nfile = \"" + file + "\"\n").find("closed"),
-            std::string::npos)
-      << refused("shape = \"mesh\"\nfile = \"" + file + "\"\n");
-  EXPECT_NE(refused("shape = \"mesh\"\nfile = \"nothing.stl\"\n").find("nothing.stl"),
-            std::string::npos);
+  EXPECT_HAS(refused("shape = \"mesh\"\nfile = \"" + file + "\"\n"), "closed");
+  EXPECT_HAS(refused("shape = \"mesh\"\nfile = \"nothing.stl\"\n"), "nothing.stl");
 }
 
 TEST(Collisions, AMeshInMetresIsDoubted) {
@@ -549,7 +516,7 @@ TEST(Collisions, TheReportHasThemAll) {
     if (!block[2].is_null()) {
       EXPECT_GE(block[2].get<double>(), 0.0);
     }
-  EXPECT_NE(to_text(all).find("holder"), std::string::npos);
+  EXPECT_HAS(to_text(all), "holder");
 }
 
 /// The smallest clearance of the block on a line, and whose it is.
@@ -605,7 +572,7 @@ TEST(Collisions, EveryPairSaysInWhichBlocksItCounts) {
   for (const char* line :
        {"base fork always\n", "part holder always\n", "part cutter where_met\n",
         "holder stock where_near\n", "cutter stock where_met\n", "shank stock where_met\n"})
-    EXPECT_NE(text.find(line), std::string::npos) << line << text;
+    EXPECT_HAS(text, line);
 }
 
 TEST(Collisions, TheCutterMayBeLeftOutOfTheStock) {
@@ -617,17 +584,10 @@ TEST(Collisions, TheCutterMayBeLeftOutOfTheStock) {
 TEST(Collisions, ARunThatIsToStopCutsNothing) {
   const Job job =
       planted_job({"G1 Z20 F1000\nG1 X18", holder, "[collision]\non = true\nstop = true\n"});
-  try {
-    cut(job);
-    ADD_FAILURE() << "cut all the same";
-  } catch (const CollisionStop& stop) {
-    const std::string text = stop.what();
-    EXPECT_NE(text.find("stopped before cutting"), std::string::npos) << text;
-    EXPECT_NE(text.find("collision: part and holder collide, 3 mm deep at line 7, 7.660 s: line 7"),
-              std::string::npos)
-        << text;
-    EXPECT_NE(text.find("abbe check SCENE --collisions"), std::string::npos) << text;
-  }
+  const std::string text = thrown_text<CollisionStop>([&] { cut(job); });
+  EXPECT_HAS(text, "stopped before cutting");
+  EXPECT_HAS(text, "collision: part and holder collide, 3 mm deep at line 7, 7.660 s: line 7");
+  EXPECT_HAS(text, "abbe check SCENE --collisions");
   const Job on = planted_job({"G1 Z20 F1000\nG1 X18", holder, "[collision]\non = true\n"});
   const Cut made = cut(on);
   ASSERT_TRUE(made.collisions);

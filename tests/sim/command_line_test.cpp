@@ -1,20 +1,8 @@
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <functional>
-#include <iostream>
-#include <random>
-#include <regex>
-#include <sstream>
-#include <string>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-#include <unistd.h>
 #include <nlohmann/json.hpp>
-
+#include <regex>
 #include "tests/safety/program_run.h"
 #include "tests/sim/scene_folder.h"
+#include "tests/test.h"
 
 #ifndef ABBE_RENDER
 #define ABBE_RENDER 0
@@ -23,7 +11,6 @@
 namespace abbe::sim {
 namespace {
 
-namespace fs = std::filesystem;
 using safety::Ran;
 using safety::run;
 
@@ -77,9 +64,8 @@ class CommandLine : public testing::Test {
     const fs::path out = folder_ / "out";
     const Ran ran = run("run " + scene.string() + " --out " + out.string());
     EXPECT_EQ(ran.code, 3) << ran.text;
-    EXPECT_NE(ran.text.find(place), std::string::npos) << "wanted " << place << " in: " << ran.text;
-    EXPECT_NE(ran.text.find(expected), std::string::npos)
-        << "wanted " << expected << " in: " << ran.text;
+    EXPECT_HAS(ran.text, place);
+    EXPECT_HAS(ran.text, expected);
     EXPECT_EQ(files_in(out), 0) << "a refusal leaves no files";
   }
 
@@ -105,7 +91,7 @@ TEST_F(CommandLine, HelpAndVersionSucceedAndNoCommandIsAUsageFault) {
 TEST_F(CommandLine, AMissingSceneIsAnInputFault) {
   const Ran ran = run("run " + (folder_ / "none.toml").string());
   EXPECT_EQ(ran.code, 3);
-  EXPECT_NE(ran.text.find("none.toml"), std::string::npos) << ran.text;
+  EXPECT_HAS(ran.text, "none.toml");
 }
 
 TEST_F(CommandLine, APictureOfTheSceneIsDrawnOrRefused) {
@@ -145,8 +131,8 @@ TEST_F(CommandLine, AToleranceGivesAVerdictAndAMapOfBands) {
   const std::string line = "run " + scene.string() + " --out " + out.string();
   const Ran fails = run(line + " --set 'part.tolerance_um=[-1, 2]'");
   ASSERT_EQ(fails.code, 0) << "a verdict is no limit\n" << fails.text;
-  EXPECT_NE(fails.text.find("FAIL by "), std::string::npos) << fails.text;
-  EXPECT_NE(fails.text.find(", line "), std::string::npos) << fails.text;
+  EXPECT_HAS(fails.text, "FAIL by ");
+  EXPECT_HAS(fails.text, ", line ");
   EXPECT_EQ(fs::exists(out / "tolerance.png"), bool(ABBE_RENDER));
   const auto summary = nlohmann::json::parse(bytes(out / "summary.json"));
   const auto& c = summary["conformance"];
@@ -200,15 +186,15 @@ TEST_F(CommandLine, ALineHasItsProfilesByISO21920) {
   for (const char* expected :
        {"profile along x", "Nis 50 um, Nic 0.8 mm (--nic, setting class Sc3)", "ISO 21920-2",
         "q   root mean square height", "um/mm", "profile-x.png", "profile-x.json", "profile-x.csv"})
-    EXPECT_NE(text.text.find(expected), std::string::npos) << expected << " in\n" << text.text;
+    EXPECT_HAS(text.text, expected);
   const auto json = nlohmann::json::parse(bytes(out / "profile-x.json"));
   EXPECT_EQ(json["Nic_mm"], 0.8);
   EXPECT_GE(json["P"]["Pt_um"].get<double>(), json["P"]["Pq_um"].get<double>());
   EXPECT_TRUE(json["R"].contains("Rsm_mm") && json["W"].contains("Wsk"));
   const Ran printed = run(render + " --json --format svg");
   EXPECT_EQ(printed.code, 0) << printed.text;
-  EXPECT_NE(printed.text.find("\"profile\": {"), std::string::npos) << printed.text;
-  EXPECT_NE(printed.text.find("profile-x.svg"), std::string::npos) << printed.text;
+  EXPECT_HAS(printed.text, "\"profile\": {");
+  EXPECT_HAS(printed.text, "profile-x.svg");
 }
 
 TEST_F(CommandLine, AResultIsDrawnAgainAsItIsAsked) {
@@ -242,7 +228,7 @@ TEST_F(CommandLine, AResultIsDrawnAgainAsItIsAsked) {
   for (const auto& slip : slips) {
     const Ran ran = run(render + " " + slip.options);
     EXPECT_NE(ran.code, 0) << slip.options;
-    EXPECT_NE(ran.text.find(slip.expected), std::string::npos) << slip.options << ": " << ran.text;
+    EXPECT_HAS(ran.text, slip.expected) << slip.options;
   }
 }
 
@@ -311,8 +297,8 @@ TEST_F(CommandLine, EveryFaultOfASceneIsToldAtOnce) {
                                      "[serch]\nband_mm = 2\n[view]\nrange_um = \"wide\"\n");
   const Ran ran = run("run " + scene.string() + " --out " + (folder_ / "out").string());
   EXPECT_EQ(ran.code, 3);
-  EXPECT_NE(ran.text.find("serch"), std::string::npos) << ran.text;
-  EXPECT_NE(ran.text.find("range_um"), std::string::npos) << ran.text;
+  EXPECT_HAS(ran.text, "serch");
+  EXPECT_HAS(ran.text, "range_um");
   EXPECT_EQ(files_in(folder_ / "out"), 0);
 }
 
@@ -321,7 +307,7 @@ TEST_F(CommandLine, AcceptanceLimitsDecideTheExitCode) {
       plane_scene(write("p.ngc", good_program).string(), "[limits]\npv_um = 0.001\n");
   const Ran ran = run("run " + scene.string() + " --out " + (folder_ / "out").string());
   EXPECT_EQ(ran.code, 1) << ran.text;
-  EXPECT_NE(ran.text.find("PV"), std::string::npos) << ran.text;
+  EXPECT_HAS(ran.text, "PV");
 }
 
 TEST_F(CommandLine, AFolderThatCannotBeWrittenIsAnOutputFault) {
@@ -329,7 +315,7 @@ TEST_F(CommandLine, AFolderThatCannotBeWrittenIsAnOutputFault) {
   const fs::path file = write("occupied", "a file where a folder should be");
   const Ran ran = run("run " + scene.string() + " --out " + (file / "deeper").string());
   EXPECT_EQ(ran.code, 5) << ran.text;
-  EXPECT_NE(ran.text.find("occupied"), std::string::npos) << ran.text;
+  EXPECT_HAS(ran.text, "occupied");
 }
 
 TEST_F(CommandLine, AFullDiskIsAnOutputFault) {
@@ -396,7 +382,7 @@ TEST_F(CommandLine, ASceneThatCutsNothingIsRefusedByEveryCommandThatCuts) {
        {"compare " + scene.string(), "check " + scene.string(), "study " + study.string()}) {
     const Ran ran = run(command + " --out " + (folder_ / "c").string());
     EXPECT_EQ(ran.code, 3) << command << ran.text;
-    EXPECT_NE(ran.text.find("80.0 mm above the part"), std::string::npos) << ran.text;
+    EXPECT_HAS(ran.text, "80.0 mm above the part");
   }
 }
 
@@ -408,9 +394,7 @@ TEST_F(CommandLine, AGougeDeeperThanTheBandFailsEveryLimitAndIsCounted) {
   const fs::path out = folder_ / "out";
   const Ran ran = run("run " + scene.string() + " --out " + out.string());
   EXPECT_EQ(ran.code, 1) << ran.text;
-  EXPECT_NE(ran.text.find("gouged deeper than the band of 2 mm, the deepest by 7.99"),
-            std::string::npos)
-      << ran.text;
+  EXPECT_HAS(ran.text, "gouged deeper than the band of 2 mm, the deepest by 7.99");
   const auto summary = nlohmann::json::parse(bytes(out / "summary.json"));
   EXPECT_GT(summary["gouged_vertices"], 100);
   EXPECT_NEAR(summary["deepest_gouge_um"].get<double>(), 8000.0,
@@ -433,8 +417,7 @@ TEST_F(CommandLine, CheckWarnsOfTheToolThatIsNotTheScenes) {
   for (const std::string command : {"check ", "run "}) {
     const Ran ran = run(command + scene.string() + " --out " + (folder_ / "c").string());
     EXPECT_EQ(ran.code, 0) << ran.text;
-    EXPECT_NE(ran.text.find("T7 on line 1 is cut with the scene's tool ball R5"), std::string::npos)
-        << ran.text;
+    EXPECT_HAS(ran.text, "T7 on line 1 is cut with the scene's tool ball R5");
   }
 }
 
@@ -445,7 +428,7 @@ TEST_F(CommandLine, AGeneratedProgramThatLeavesTheTravelLeavesNoFile) {
           " --set part.at_mm=[400,0,0] --set part.vertices=500 --set program.step_mm=5 --out " +
           out.string());
   EXPECT_EQ(ran.code, 3) << ran.text;
-  EXPECT_NE(ran.text.find("program.ngc:"), std::string::npos) << ran.text;
+  EXPECT_HAS(ran.text, "program.ngc:");
   EXPECT_EQ(files_in(out), 0);
 }
 
@@ -536,7 +519,7 @@ TEST_F(CommandLine, MeasureIdentifyAndEvaluateWorkOnEachOthersFiles) {
   const fs::path belief = folder_ / "belief.toml";
   const Ran identified = run("identify " + laser + " --out " + belief.string());
   ASSERT_EQ(identified.code, 0) << identified.text;
-  EXPECT_NE(identified.text.find("unobservable"), std::string::npos) << identified.text;
+  EXPECT_HAS(identified.text, "unobservable");
   EXPECT_TRUE(fs::exists(belief));
   EXPECT_TRUE(fs::exists(folder_ / "belief.json"));
   const Ran pose =
@@ -547,7 +530,7 @@ TEST_F(CommandLine, MeasureIdentifyAndEvaluateWorkOnEachOthersFiles) {
   const Ran evaluated =
       run("evaluate " + (readings / "ball_bar.csv").string() + " --out " + report.string());
   ASSERT_EQ(evaluated.code, 0) << evaluated.text;
-  EXPECT_NE(evaluated.text.find("ISO 230-4"), std::string::npos) << evaluated.text;
+  EXPECT_HAS(evaluated.text, "ISO 230-4");
   EXPECT_TRUE(fs::exists(report / "evaluation.json"));
 }
 
@@ -558,13 +541,13 @@ TEST_F(CommandLine, BrokenReadingsAndInstrumentsAreInputFaults) {
       write("broken.csv", "target_mm,direction,run,deviation_um\n0,up,1,x\n");
   const Ran evaluated = run("evaluate " + broken + out);
   EXPECT_EQ(evaluated.code, 3) << evaluated.text;
-  EXPECT_NE(evaluated.text.find("broken.csv:2:8"), std::string::npos) << evaluated.text;
+  EXPECT_HAS(evaluated.text, "broken.csv:2:8");
   EXPECT_EQ(run("evaluate " + (folder_ / "absent.csv").string() + out).code, 3);
   EXPECT_EQ(run("identify " + broken + " --out " + (folder_ / "b.toml").string()).code, 3);
   EXPECT_FALSE(fs::exists(folder_ / "b.toml"));
   const Ran unknown = run("measure " + dome + " --instrument lasre" + out);
   EXPECT_EQ(unknown.code, 3);
-  EXPECT_NE(unknown.text.find("ball_bar"), std::string::npos) << unknown.text;
+  EXPECT_HAS(unknown.text, "ball_bar");
   const Ran none = run("measure " + dome + out);
   EXPECT_EQ(none.code, 3) << none.text;
   EXPECT_EQ(run("identify").code, 2);
@@ -581,7 +564,7 @@ TEST_F(CommandLine, BrokenReadingsAndInstrumentsAreInputFaults) {
                 "[[instrument]]\nkind = \"r_test\"\n");
   const Ran cannot = run("measure " + scene.string() + out);
   EXPECT_EQ(cannot.code, 3) << cannot.text;
-  EXPECT_NE(cannot.text.find("three.toml:10:"), std::string::npos) << cannot.text;
+  EXPECT_HAS(cannot.text, "three.toml:10:");
   EXPECT_EQ(files_in(folder_ / "out"), 0) << "a refusal leaves no files";
 }
 
@@ -651,7 +634,7 @@ TEST_F(CommandLine, APlugInThatFailsIsNamedEndsWithSixAndLeavesTheOthersUnharmed
   for (const auto& one : json["failed"]) {
     const std::string name = one["name"];
     EXPECT_FALSE(one["reason"].get<std::string>().empty()) << one.dump();
-    EXPECT_NE(ran.text.find(name), std::string::npos) << ran.text;
+    EXPECT_HAS(ran.text, name);
     EXPECT_FALSE(fs::exists(out / name / "summary.json"));
   }
   ASSERT_EQ(json["cases"].size(), 4u);
@@ -668,7 +651,7 @@ TEST_F(CommandLine, APlugInThatFailsIsNamedEndsWithSixAndLeavesTheOthersUnharmed
   const Ran single =
       run("run " + scene.string() + " --compensator " + dies.string() + " --out " + none.string());
   EXPECT_EQ(single.code, 6) << single.text;
-  EXPECT_NE(single.text.find("dies.sh"), std::string::npos) << single.text;
+  EXPECT_HAS(single.text, "dies.sh");
   EXPECT_FALSE(fs::exists(none / "summary.json"));
 }
 

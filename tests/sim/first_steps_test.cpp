@@ -1,16 +1,15 @@
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-#include <sstream>
-
-#include <gtest/gtest.h>
+#include <pty.h>
+#include <sys/wait.h>
+#include <cerrno>
 #include <nlohmann/json.hpp>
-
+#include <regex>
 #include "sim/commands/command_line.h"
 #include "sim/commands/scene_commands.h"
 #include "sim/cut/cut.h"
 #include "sim/scene/read_scene.h"
 #include "tests/safety/program_run.h"
+#include "tests/sim/odd_scenes.h"
+#include "tests/test.h"
 
 /// What somebody does first: asks for help, for the version, for a scene to begin with; and slips.
 namespace abbe::sim {
@@ -21,7 +20,7 @@ using safety::Folder;
 using safety::Ran;
 using safety::run;
 using safety::shell;
-namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
 
 bool says(const std::string& text, const std::string& wanted) {
   return text.find(wanted) != std::string::npos;
@@ -90,7 +89,7 @@ TEST_P(NewScene, RunsAsItIsAndItsMapMakesSense) {
     const bool is_post = text.starts_with("%") || text.starts_with("0 BEGIN PGM");
     EXPECT_TRUE(is_post || text.starts_with("#") || text.starts_with("(") || text.starts_with("$$"))
         << name << " has a comment at its head";
-    EXPECT_TRUE(says(made.text, name)) << made.text;
+    EXPECT_HAS(made.text, name);
   }
   EXPECT_EQ(sections,
             (std::vector<std::string>{"errors", "machine", "part", "program", "scene", "tool"}));
@@ -137,7 +136,7 @@ TEST(NewScene, PostsOfFourControlsLeaveTheMapOfTheCutterLocations) {
     const cutting::Surface post = cusps(kind).surface;
     ASSERT_EQ(post.residual.size(), cam.residual.size());
     double most = 0.0;
-    for (Eigen::Index i = 0; i < cam.residual.size(); ++i) {
+    for (Index i = 0; i < cam.residual.size(); ++i) {
       ASSERT_EQ(post.status[std::size_t(i)], cutting::VertexStatus::Cut) << kind << " " << i;
       most = std::max(most, std::abs(post.residual[i] - cam.residual[i]));
     }
@@ -156,8 +155,7 @@ TEST(NewScene, RefusesAFolderWithFilesAndTouchesNone) {
   folder.write("first/notes.txt", "mine");
   const Ran ran = run("new gantry " + (folder / "first").string());
   EXPECT_EQ(ran.code, 5);
-  EXPECT_TRUE(says(ran.text, "expected a new or empty folder, seen a folder with notes.txt"))
-      << ran.text;
+  EXPECT_HAS(ran.text, "expected a new or empty folder, seen a folder with notes.txt");
   EXPECT_EQ(names_in(folder / "first"), std::vector<std::string>{"notes.txt"});
   folder.write("file", "mine");
   EXPECT_EQ(run("new gantry " + (folder / "file").string()).code, 5);
@@ -186,7 +184,7 @@ TEST(NewScene, LeavesNothingBehindWhereItFails) {
   const Ran full = shell("trap '' XFSZ; ulimit -f 2; " + std::string(ABBE_PROGRAM) +
                          " new gantry " + (folder / "deep/first").string());
   EXPECT_EQ(full.code, 5) << full.text;
-  EXPECT_TRUE(says(full.text, "cannot be written")) << full.text;
+  EXPECT_HAS(full.text, "cannot be written");
   // a library without such a scene
   fs::create_directories(folder / "library/machines");
   const Ran none = run("new gantry " + (folder / "first").string(),
@@ -205,7 +203,7 @@ TEST(CopiedScene, RunsElsewhereAndCheckSaysWhatItReads) {
   for (const std::string& file :
        {(folder / "dome.toml").string(), std::string("library:machines/gantry_cxyza.toml"),
         std::string("library:errors/gantry_typical.toml")})
-    EXPECT_TRUE(says(ran.text, "  " + file + "\n")) << ran.text;
+    EXPECT_HAS(ran.text, "  " + file + "\n");
 }
 
 TEST(Help, EveryCommandHasTwoExamplesThatTheParserTakes) {
@@ -216,7 +214,7 @@ TEST(Help, EveryCommandHasTwoExamplesThatTheParserTakes) {
     for (const std::string& line : command.examples) {
       EXPECT_TRUE(line.starts_with("abbe " + command.name)) << line;
       EXPECT_EQ(parsed(line), Exit::Ok) << line;
-      EXPECT_TRUE(says(help.text, "\n  " + line + "\n")) << help.text;
+      EXPECT_HAS(help.text, "\n  " + line + "\n");
       for (const std::string& word : words_of(line))
         if (word.starts_with("scenes/")) {
           EXPECT_TRUE(fs::exists(safety::source / word)) << line;
@@ -263,7 +261,7 @@ TEST(Slip, TheNearestCommandOptionOrWordIsNamed) {
   for (const auto& one : slips) {
     const Ran ran = run(one.line);
     EXPECT_EQ(ran.code, one.line.starts_with("run library") ? 3 : 2) << one.line;
-    EXPECT_TRUE(says(ran.text, one.wanted)) << one.line << ": " << ran.text;
+    EXPECT_HAS(ran.text, one.wanted) << one.line;
     EXPECT_LE(std::ranges::count(ran.text, '\n'), 1) << ran.text;
   }
   EXPECT_FALSE(says(run("xylophone").text, "nearest"));
@@ -275,8 +273,8 @@ TEST(Version, SaysWhatTheProgramWasMadeOf) {
   for (const char* wanted :
        {"abbe 0.", "\ncommit ", "\ncompiler ", "\npreset ", "\nflags ", "\nlibraries ", "Eigen3 3.",
         "fcl ", "OpenMesh ", "TBB ", "fmt ", "SQLite3 ", "Boost ", "dlib "})
-    EXPECT_TRUE(says(ran.text, wanted)) << wanted << " in " << ran.text;
-  EXPECT_TRUE(says(ran.text, "-ffp-contract=off")) << ran.text;
+    EXPECT_HAS(ran.text, wanted) << wanted << " in " << ran.text;
+  EXPECT_HAS(ran.text, "-ffp-contract=off");
   EXPECT_TRUE(
       says(ran.text, "\nscenes        " + fs::canonical(safety::source / "scenes").string() + "\n"))
       << ran.text;
@@ -294,7 +292,7 @@ std::string commit_of(const Folder& folder) {
 TEST(Version, TheCommitIsThatOfTheSourcesAndWrittenOnlyWhereItChanged) {
   const Folder folder;
   folder.write("source/file", "one");
-  EXPECT_TRUE(says(commit_of(folder), "\"unknown, built without git\"")) << "an unpacked archive";
+  EXPECT_HAS(commit_of(folder), "\"unknown, built without git\"") << "an unpacked archive";
   const std::string git =
       "git -C " + (folder / "source").string() + " -c user.name=a -c user.email=a@b ";
   if (shell(git + "init -q").code != 0) GTEST_SKIP() << "no git";
@@ -304,12 +302,279 @@ TEST(Version, TheCommitIsThatOfTheSourcesAndWrittenOnlyWhereItChanged) {
       0);
   const std::string name = shell(git + "log -1 --format=%h").text;
   const std::string wanted = "\"" + name.substr(0, name.find('\n')) + " of 2026-01-02";
-  EXPECT_TRUE(says(commit_of(folder), wanted + "\";")) << commit_of(folder);
+  EXPECT_HAS(commit_of(folder), wanted + "\";");
   const auto written = fs::last_write_time(folder / "commit.cpp");
   commit_of(folder);
   EXPECT_EQ(fs::last_write_time(folder / "commit.cpp"), written);
   folder.write("source/file", "two");
-  EXPECT_TRUE(says(commit_of(folder), wanted + ", with changes since\";")) << commit_of(folder);
+  EXPECT_HAS(commit_of(folder), wanted + ", with changes since\";");
+}
+
+// Slips of a first evening: what the program says to each, from which the next step is clear.
+
+class FirstEvening : public testing::Test {
+ protected:
+  FirstEvening() {
+    folder_.write("good.ngc", to_nc({}));
+    folder_.write("above.ngc", to_nc({.z = 80}));
+  }
+
+  Ran run(const std::string& command, const std::string& scene) const {
+    const auto file = folder_.write("scene.toml", scene);
+    return safety::run(
+        fmt::format("{} {} --out {}", command, file.string(), (folder_ / "out").string()));
+  }
+  Ran run(const std::string& command, const FlatScene& scene) const {
+    return run(command, to_toml(scene));
+  }
+  /// Files of results, but for the mark of the folder.
+  int results() const {
+    int count = 0;
+    if (!fs::exists(folder_ / "out")) return count;
+    for (const auto& entry : fs::recursive_directory_iterator(folder_ / "out"))
+      count += entry.is_regular_file() && entry.path().filename() != ".abbe-result";
+    return count;
+  }
+  /// Both `check` and `run` refuse with these words, and leave no files.
+  void expect_refused(const std::string& scene, const std::string& words) const {
+    for (const char* command : {"check", "run"}) {
+      const Ran ran = run(command, scene);
+      EXPECT_EQ(ran.code, 3) << ran.text;
+      EXPECT_HAS(ran.text, words) << command;
+      EXPECT_EQ(results(), 0) << "a refusal leaves no files";
+    }
+  }
+  void expect_refused(const FlatScene& scene, const std::string& words) const {
+    expect_refused(to_toml(scene), words);
+  }
+  /// `check` takes it and warns with these words.
+  void expect_warned(const std::string& scene, const std::string& words) const {
+    const Ran ran = run("check", scene);
+    EXPECT_EQ(ran.code, 0) << ran.text;
+    EXPECT_HAS(ran.text, "warning: " + words);
+  }
+  void expect_warned(const FlatScene& scene, const std::string& words) const {
+    expect_warned(to_toml(scene), words);
+  }
+
+  safety::Folder folder_;
+};
+
+const std::string ball = "kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 25\nlength_mm = 100\n";
+
+TEST_F(FirstEvening, AProgramAboveThePart) {
+  expect_refused(FlatScene{.program = "above.ngc"},
+                 "above.ngc:5: expected a program that comes within 2 mm of the part, seen the "
+                 "lowest cut is 80.0 mm above the part; with G54 Z = -80 it fits best");
+  const Ran ran =
+      run("check", FlatScene{.program = "above.ngc", .more = "work_offset.G54 = { Z_mm = -80 }\n"});
+  EXPECT_EQ(ran.code, 0) << ran.text;
+  // the part lies in the top of the table, which the cutter meets beside it: that alone is said
+  const std::string meets =
+      "warning: this command does not check collisions, but table and cutter collide";
+  EXPECT_EQ(ran.text.find("warning"), ran.text.find(meets)) << ran.text;
+  EXPECT_EQ(ran.text.find("warning"), ran.text.rfind("warning")) << ran.text;
+}
+
+TEST_F(FirstEvening, TheWrongTool) {
+  folder_.write("t7.ngc",
+                to_nc({.head = "(T7 D=12. CR=0. - FLAT END MILL)\nG21 G90 G49\nT7 M6\n"}));
+  expect_refused(FlatScene{.program = "t7.ngc", .tool = ball + "number = 3\n"},
+                 "t7.ngc:3: expected T3, which is the scene's tool.number, seen T7: describe it in "
+                 "a [[tool]] of its own, or set tool.number = 7 if it is the scene's tool");
+  expect_warned(FlatScene{.program = "t7.ngc", .tool = ball + "number = 7\n"},
+                "line 1 says \"T7 D=12. CR=0. - FLAT END MILL\": 12 mm diameter, but the scene's "
+                "tool has 10 mm; 0 mm corner radius, but the scene's tool has 5 mm");
+}
+
+TEST_F(FirstEvening, AMeshInInches) {
+  std::string inches;
+  for (const double z : {0.0, 10.0})
+    for (const double y : {-10.0, 10.0})
+      for (const double x : {-10.0, 10.0})
+        inches += fmt::format("v {} {} {}\n", x / 25.4, y / 25.4, z / 25.4);
+  const std::string millimetres = box_obj(true);
+  folder_.write("box.obj", inches + millimetres.substr(millimetres.find('f')));
+  folder_.write("box.ngc", to_nc({.from = -12, .to = 12, .step = 1, .reach = 14, .z = 10}));
+  const std::string part = "file = \"box.obj\"\n";
+  expect_refused(FlatScene{.program = "box.ngc", .part = part},
+                 "the lowest cut is 9.6 mm above the part; 0 % of the judged area is cut within 2 "
+                 "mm of the design; with the part scaled by 25.4 it would be ");
+  expect_refused(FlatScene{.program = "box.ngc", .part = part},
+                 "%: check whether part.unit should be \"inch\"; set part.any_size = true if the "
+                 "size is right");
+  const Ran ran = run("check", FlatScene{.program = "box.ngc", .part = part + "unit = \"inch\"\n"});
+  EXPECT_EQ(ran.code, 0) << ran.text;
+}
+
+TEST_F(FirstEvening, AMisspeltCommand) {
+  const Ran ran = safety::run("rnu scene.toml");
+  EXPECT_EQ(ran.code, 2);
+  EXPECT_EQ(ran.text,
+            "abbe: expected a command (nearest: run), seen rnu; abbe --help lists them\n");
+}
+
+TEST_F(FirstEvening, AnUnclosedQuote) {
+  expect_refused(
+      "title = \"first part\nmachine = \"m.toml\"\n",
+      "scene.toml:1:9: expected a string that ends with \", seen a string not closed on its line");
+}
+
+TEST_F(FirstEvening, AnElementInMillimetres) {
+  expect_warned(FlatScene{.more = "[errors]\nEXX_um = 5000\n"},
+                "errors.EXX is 5 mm at X = -7 mm, which is implausible for a machine: values of "
+                "EXX_um are in um (5000 here)");
+  expect_warned(FlatScene{.more = "[errors]\nEXX_um = 0.005\n"},
+                "errors.EXX is at most 0.005 um, which is implausibly small for a slide: values of "
+                "EXX_um are in um, not in mm");
+  expect_refused(FlatScene{.more = "[errors]\nEXX_mm = 0.005\n"},
+                 "expected EXX_um for the element EXX, seen EXX_mm, which is EXX_um = 5");
+}
+
+TEST_F(FirstEvening, ASceneCopiedElsewhere) {
+  const auto scene = [](const std::string& machine) {
+    return "machine = \"machines/" + machine +
+           "\"\ntool = \"tools/ball_r5.toml\"\n[part]\nsurface = \"disc\"\nradius_mm = 10\n"
+           "[program]\ngenerator = \"raster\"\n";
+  };
+  const Ran found = run("check", scene("gantry_cxyza.toml"));
+  EXPECT_EQ(found.code, 0) << found.text;
+  EXPECT_HAS(found.text, "library:machines/gantry_cxyza.toml")
+      << "what is abbe's own is found wherever the scene stands";
+  for (const std::string& words :
+       {std::string("scene.toml:1:11: expected a file that can be read, or a library name: "),
+        fmt::format("seen no file {0}/machines/ours.toml; names are relative to the folder of the "
+                    "file that contains them, here {0}",
+                    folder_.path().string())})
+    expect_refused(scene("ours.toml"), words);
+}
+
+TEST_F(FirstEvening, NothingJudged) {
+  expect_refused(
+      FlatScene{.part = "surface = \"rectangle\"\nlength_x_mm = 10\nlength_y_mm = 10\nvertices = "
+                        "400\njudged_radius_min_mm = 50\n"},
+      "expected a part with judged vertices (part.edge_margin_mm, judged_normal_z, "
+      "judged_margin_mm, "
+      "judged_radius_min_mm, judged_radius_max_mm, region), seen 400 vertices, all excluded, on a "
+      "part of 10 x 10 x 0 mm that is 0.2727 to 7.071 mm from its z axis");
+}
+
+TEST_F(FirstEvening, APartOutsideOfWhatTheMachineReaches) {
+  const std::string part =
+      "surface = \"rectangle\"\nlength_x_mm = 10\nlength_y_mm = 10\nvertices = 400\n";
+  expect_refused(fmt::format("machine = \"{0}machines/three_axis_table.toml\"\ntool = "
+                             "\"{0}tools/ball_r5.toml\"\n[part]\n{1}at_mm = [900, 0, 0]\n"
+                             "[program]\ngenerator = \"raster\"\nstep_over_mm = 1\nstep_mm = 1\n",
+                             packaged("").string(), part),
+                 "would exceed its travel; part.at_mm is [900, 0, 0], and the slides travel X "
+                 "between -400 and 400 mm, Y between ");
+}
+
+TEST_F(FirstEvening, UnitsTwice) {
+  folder_.write("twice.ngc", to_nc({.head = "G21\nG20 G90 G17 G94 G49\n"}));
+  expect_refused(
+      FlatScene{.program = "twice.ngc"},
+      "seen Z = 401 in this block, with words in inches (G20 on line 2, after G21 on line 1)");
+  folder_.write("mixed.ngc", to_nc({.middle = "G20\nG0 Z3\nG21\n"}));
+  expect_warned(FlatScene{.program = "mixed.ngc"},
+                "the program sets two units, G21 on line 1, G20 on line 63, G21 on line 65: 1 of "
+                "its 117 moves are in inches, the others in mm; remove the wrong word");
+  // the mesh is in mm already
+  folder_.write("box.obj", box_obj(true));
+  folder_.write("box.ngc", to_nc({.from = -12, .to = 12, .step = 1, .reach = 14, .z = 10}));
+  const Ran ran = run(
+      "check", FlatScene{.program = "box.ngc", .part = "file = \"box.obj\"\nunit = \"inch\"\n"});
+  EXPECT_HAS(ran.text, "with the part scaled by 0.03937 it would be ");
+  EXPECT_HAS(ran.text, "check whether part.unit should be \"mm\"");
+}
+
+// What somebody sees who waits: the program on a terminal, and without one.
+
+/// Something that was drawn, and when.
+struct Drawn {
+  double at_s = 0.0;
+  std::string text;
+};
+
+struct Watched {
+  int code = -1;
+  double total_s = 0.0;
+  std::vector<Drawn> lines;
+};
+
+double since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// The program with a terminal of its own.
+Watched on_a_terminal(const std::string& arguments) {
+  const std::string command = std::string(ABBE_PROGRAM) + " " + arguments;
+  const Clock::time_point start = Clock::now();
+  int terminal = -1;
+  const ::pid_t child = ::forkpty(&terminal, nullptr, nullptr, nullptr);
+  if (child == 0) {
+    ::execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
+    ::_exit(127);
+  }
+  Watched watched;
+  std::string text;
+  char buffer[4096];
+  for (ssize_t n = 0;
+       (n = ::read(terminal, buffer, sizeof buffer)) > 0 || (n < 0 && errno == EINTR);) {
+    text.append(buffer, std::size_t(std::max<ssize_t>(0, n)));
+    for (std::size_t end = 0; (end = text.find_first_of("\r\n")) != std::string::npos;
+         text.erase(0, end + 1))
+      if (end > 0) watched.lines.push_back({since(start), text.substr(0, end)});
+  }
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  ::close(terminal);
+  watched.total_s = since(start);
+  watched.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  return watched;
+}
+
+TEST(Waiting, OnATerminalThePartTheStageAndTheTimeLeftAreDrawn) {
+  const safety::Folder folder;
+  const std::string scene = (safety::source / "scenes/new/gantry.toml").string();
+  const Watched watched = on_a_terminal("compare " + scene + " --out " + (folder / "out").string());
+  ASSERT_EQ(watched.code, 0);
+  const std::regex state(R"(\[(\d+)/(\d+)\] (.+): (\w+)( \d+ %)?(, (\d+) (s|min) left)?)");
+  std::set<std::string> parts, stages;
+  int times = 0, last = 0;
+  for (const Drawn& line : watched.lines) {
+    std::smatch seen;
+    if (!std::regex_search(line.text, seen, state)) continue;
+    parts.insert(seen[3]);
+    stages.insert(seen[4]);
+    EXPECT_GE(std::stoi(seen[1]), last) << line.text;
+    EXPECT_LE(last = std::stoi(seen[1]), std::stoi(seen[2])) << line.text;
+    times += seen[6].matched;
+  }
+  // preparing, three cases, three folders of files, the comparison
+  EXPECT_EQ(parts.size(), 8u);
+  EXPECT_EQ(last, 8);
+  for (const char* stage : {"surface", "correct", "draw", "compare"})
+    EXPECT_TRUE(stages.contains(stage)) << stage;
+  EXPECT_GE(times, 2) << "of " << watched.lines.size() << " lines in " << watched.total_s << " s";
+}
+
+TEST(Waiting, WithoutATerminalEveryPartIsALine) {
+  const safety::Folder folder;
+  const std::string scene = (safety::source / "scenes/new/lathe.toml").string();
+  const safety::Ran ran = safety::run("compare " + scene + " --out " + (folder / "out").string());
+  ASSERT_EQ(ran.code, 0) << ran.text;
+  for (const char* line :
+       {"[1/8] prepare\n", "[2/8] error_free\n", "[4/8] perfect-position-program\n",
+        "[5/8] write error_free\n", "[8/8] write comparison\n"})
+    EXPECT_HAS(ran.text, line);
+  EXPECT_EQ(ran.text.find('\x1b'), std::string::npos);
+  const safety::Ran written =
+      safety::run("rewrite " + scene + " --out " + (folder / "program.ngc").string());
+  EXPECT_HAS(written.text, "[3/3] write\n");
+  const safety::Ran exported = safety::run(
+      "export " + scene + " --case perfect-position-table --out " + (folder / "tables").string());
+  EXPECT_HAS(exported.text, "[3/3] write\n");
 }
 
 }  // namespace

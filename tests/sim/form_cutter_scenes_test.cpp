@@ -1,12 +1,5 @@
 // Form cutters in scenes: read, written, cut with, with stock and force, refused.
 
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
 #include "sim/cut/cut.h"
 #include "sim/scene/document.h"
 #include "sim/scene/read_scene.h"
@@ -14,11 +7,10 @@
 #include "sim/scene/scene_fields.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/small_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
-
-using namespace abbe::literals;
 
 const std::string form_square =
     "[part]\nsurface = \"rectangle\"\nlength_x_mm = 8\nlength_y_mm = 6\nat_mm = [40, 25, 80]\n"
@@ -97,7 +89,7 @@ TEST(FormCutterScene, ALensLeavesTheRidgesOfItsLargeRadius) {
   double most = -1.0;
   for (std::size_t i = 0; i < surface.status.size(); ++i)
     if (surface.status[i] == cutting::VertexStatus::Cut)
-      most = std::max(most, surface.residual[Eigen::Index(i)]);
+      most = std::max(most, surface.residual[Index(i)]);
   const double ridge = R - std::sqrt(R * R - 0.25 * step_over * step_over);
   std::cout << "highest " << most / units::um << " um, ridge " << ridge / units::um << " um\n";
   EXPECT_LT(most, ridge + 0.1_nm);
@@ -130,8 +122,8 @@ TEST(FormCutterScene, IsWrittenAsItWasRead) {
 TEST(FormCutterScene, ThatCannotBeIsRefusedWhereItStands) {
   const auto refused = [](const std::string& tool, const std::string& part_of_it) {
     const std::string text = refusal_by([&] { form_scene(raster_with(tool)); });
-    EXPECT_NE(text.find("form.toml:"), std::string::npos) << text;
-    EXPECT_NE(text.find(part_of_it), std::string::npos) << text;
+    EXPECT_HAS(text, "form.toml:");
+    EXPECT_HAS(text, part_of_it);
   };
   const std::string form = "kind = \"form\"\n";
   refused(form + "radii_mm = [1, 3, 2, 5]\nheights_mm = [0, 1, 3, 8]\n", "inward bend");
@@ -158,7 +150,7 @@ TEST(FormCutterScene, APointThatCannotBeIsRefusedByKeyAndEntry) {
   const auto says = [](const std::string& tool, const std::string& text) {
     const std::string said =
         refusal_by([&] { form_scene(raster_with("kind = \"form\"\n" + tool)); });
-    EXPECT_NE(said.find("form.toml:" + text), std::string::npos) << said;
+    EXPECT_HAS(said, "form.toml:" + text);
   };
   says("radii_mm = [1, 3, 2, 5]\nheights_mm = [0, 1, 3, 8]\n",
        "5:19: expected a convex outline for tool.radii_mm, entry 3, seen an inward bend");
@@ -182,7 +174,7 @@ TEST(FormCutterScene, APointThatAProfileCannotHaveIsRefusedByKeyAndEntry) {
   const auto says = [](const std::string& tool, const std::string& text) {
     const std::string said =
         refusal_by([&] { form_scene(raster_with("kind = \"profile\"\n" + tool)); });
-    EXPECT_NE(said.find("form.toml:" + text), std::string::npos) << said;
+    EXPECT_HAS(said, "form.toml:" + text);
   };
   says("radii_mm = [3, 3, 5, 5]\nheights_mm = [0, 4, 3, 9]\n",
        "6:21: expected a height of at least 4 mm (that of the previous point) for tool.heights_mm, "
@@ -256,9 +248,9 @@ TEST(FormCutterScene, ASteppedToolLeavesASteppedSlot) {
   const cutting::Surface surface = cut_error_free(job).surface;
   int low = 0, high = 0;
   for (std::size_t i = 0; i < surface.status.size(); ++i) {
-    const auto v = Eigen::Index(i);
-    const double aside = std::abs(
-        (job.scene.part.T_wm.inverse() * Eigen::Vector3d(job.design_w.vertices.row(v))).y());
+    const auto v = Index(i);
+    const double aside =
+        std::abs((job.scene.part.T_wm.inverse() * Vector3d(job.design_w.vertices.row(v))).y());
     if (surface.status[i] == cutting::VertexStatus::Outside || std::abs(aside - 2.0) < 1e-3)
       continue;
     ASSERT_EQ(surface.status[i], cutting::VertexStatus::Cut);

@@ -1,11 +1,10 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include "sim/scene/fields.h"
 #include "sim/scene/machine.h"
 #include "sim/scene/scene.h"
 #include "sim/scene/table_reader.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 

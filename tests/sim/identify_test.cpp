@@ -1,33 +1,19 @@
 // From files of readings to a belief, on whole scenes: what is found is what was put in.
 
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-#include <random>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-#include <Eigen/Geometry>
-
 #include "errors/coefficients.h"
 #include "kinematics/decompositions.h"
-#include "kinematics/units.h"
 #include "sim/commands/calibration_commands.h"
 #include "sim/machine/truth.h"
 #include "sim/report/identification_report.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
 
-using namespace abbe::literals;
-using Eigen::Vector3d;
-using Eigen::VectorXd;
 using kinematics::AxisState;
-using Files = std::vector<std::filesystem::path>;
+using Files = std::vector<fs::path>;
 using Json = nlohmann::ordered_json;
 
 /// Measures with every instrument given and writes the files into a folder.
@@ -40,7 +26,7 @@ Files campaign(const Scene& scene, const std::vector<InstrumentDescription>& ins
   return files;
 }
 
-errors::GeometricErrors belief_in(const std::filesystem::path& file, const std::string& scene) {
+errors::GeometricErrors belief_in(const fs::path& file, const std::string& scene) {
   return read_scene(packaged(scene), {{"errors", "\"" + file.string() + "\""}}).geometric;
 }
 
@@ -83,9 +69,7 @@ std::string drawn_truth(std::mt19937& random) {
 }
 
 TEST(Identify, NoiseFreeReadingsReturnTheTruthThroughFiles) {
-  const unsigned seed = 20261123;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(20261123);
   const SceneFolder folder;
   const Scene scene = scene_of(measured_scene(drawn_truth(random)));
   std::vector<InstrumentDescription> instruments;
@@ -140,7 +124,7 @@ std::string refusal_of_identifying(const Files& files, const SceneFolder& folder
   } catch (const BadScene& fault) {
     refusal = fault.what();
   }
-  EXPECT_FALSE(std::filesystem::exists(options.out)) << "a refusal leaves no belief";
+  EXPECT_FALSE(fs::exists(options.out)) << "a refusal leaves no belief";
   return refusal;
 }
 
@@ -165,7 +149,7 @@ TEST(Identify, TheLaserAloneNamesWhatItCannotTell) {
         << roll << " is seen by no reading of a laser";
   EXPECT_TRUE(pitch_hides) << "pitch of X hides in its positioning over the arm";
   const std::string text = identification_text(found);
-  EXPECT_NE(text.find("unobservable, omitted"), std::string::npos);
+  EXPECT_HAS(text, "unobservable, omitted");
   for (const auto& element : belief_in(options.out, "gantry_dome.toml").elements)
     if (to_string(element.name) == "EAX") {
       EXPECT_TRUE(errors::values({element}).isZero(0.0))
@@ -182,25 +166,23 @@ TEST(Identify, ReadingsOfDifferentMachinesAreRefusedByName) {
   Files files = campaign(gantry, {find_instrument(gantry, "laser")}, folder);
   files.push_back(campaign(three, {other}, folder).front());
   const std::string refusal = refusal_of_identifying(files, folder);
-  for (const char* word : {"laser.csv", "other.csv", "machine"})
-    EXPECT_NE(refusal.find(word), std::string::npos) << word << " in: " << refusal;
+  for (const char* word : {"laser.csv", "other.csv", "machine"}) EXPECT_HAS(refusal, word);
 }
 
 TEST(Identify, WhatHoldsNoReadingsOfAMachineIsRefusedByName) {
   const SceneFolder folder;
   const Scene scene = read_scene(packaged("gantry_dome.toml"));
   const Files good = campaign(scene, {find_instrument(scene, "laser")}, folder);
-  const auto with = [&](const std::filesystem::path& bad) {
+  const auto with = [&](const fs::path& bad) {
     return refusal_of_identifying({good.front(), bad}, folder);
   };
-  EXPECT_NE(with(folder.path() / "absent.csv").find("absent.csv"), std::string::npos);
-  EXPECT_NE(with(folder.write("empty.csv", "")).find("empty.csv"), std::string::npos);
-  EXPECT_NE(with(folder.write("other.csv", "target_mm,direction\n")).find("other.csv:1"),
-            std::string::npos);
-  EXPECT_NE(with(folder.path()).find(folder.path().string()), std::string::npos);
+  EXPECT_HAS(with(folder.path() / "absent.csv"), "absent.csv");
+  EXPECT_HAS(with(folder.write("empty.csv", "")), "empty.csv");
+  EXPECT_HAS(with(folder.write("other.csv", "target_mm,direction\n")), "other.csv:1");
+  EXPECT_HAS(with(folder.path()), folder.path().string());
   const Scene warm = read_scene(packaged("thermal_protocol.toml"));
   const Files log = campaign(warm, {find_instrument(warm, "temperature")}, folder);
-  EXPECT_NE(with(log.front()).find("only a temperature log"), std::string::npos);
+  EXPECT_HAS(with(log.front()), "only a temperature log");
 }
 
 // ---------------------------------------------------------------- Peng's platform
@@ -220,9 +202,9 @@ std::vector<AxisState> poses_of_part(const std::string& scene) {
 VectorXd axial_error(const errors::GeometricErrors& errors, const std::vector<AxisState>& poses) {
   const auto nominal = make_machine(read_scene(packaged("platform_calibration.toml"))).nominal;
   const auto model = errors::bind(errors, nominal);
-  VectorXd e_x(Eigen::Index(poses.size()));
+  VectorXd e_x(Index(poses.size()));
   for (std::size_t i = 0; i < poses.size(); ++i)
-    e_x[Eigen::Index(i)] = error_at(nominal, model, poses[i])[0];
+    e_x[Index(i)] = error_at(nominal, model, poses[i])[0];
   return e_x.array() - e_x.mean();
 }
 
@@ -324,11 +306,11 @@ struct Volume {
 /// the arms of balls are known to.
 Volume placed(const Volume& errors, const kinematics::Chain& nominal,
               const std::vector<AxisState>& poses, bool lean) {
-  const auto n = Eigen::Index(poses.size());
+  const auto n = Index(poses.size());
   const double length = 100.0;  // mm, makes rad count beside mm
-  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(6 * n, lean ? 8 : 6);
+  MatrixXd A = MatrixXd::Zero(6 * n, lean ? 8 : 6);
   VectorXd y(6 * n);
-  for (Eigen::Index i = 0; i < n; ++i) {
+  for (Index i = 0; i < n; ++i) {
     const kinematics::Pose T_wt = nominal.tool_in_workpiece(poses[std::size_t(i)].q);
     for (int k = 0; k < 3; ++k) {
       A(6 * i + k, k) = 1.0;
@@ -341,7 +323,7 @@ Volume placed(const Volume& errors, const kinematics::Chain& nominal,
   }
   const VectorXd left = y - A * least_squares(A, y).x;
   Volume result{Eigen::MatrixX3d(n, 3), Eigen::MatrixX3d(n, 3)};
-  for (Eigen::Index i = 0; i < n; ++i) {
+  for (Index i = 0; i < n; ++i) {
     result.tip.row(i) = left.segment<3>(6 * i).transpose();
     result.axis.row(i) = left.segment<3>(6 * i + 3).transpose() / length;
   }
@@ -382,9 +364,9 @@ GantryResult gantry_result(const char* how, IdentificationOptions options) {
   const auto truth = errors::bind(scene.geometric, nominal);
   const auto belief = errors::bind(belief_in(options.out, "gantry_calibration.toml"), nominal);
   const std::vector<AxisState> poses = random_poses(gantry_seed);
-  const auto n = Eigen::Index(poses.size());
+  const auto n = Index(poses.size());
   Volume is{Eigen::MatrixX3d(n, 3), Eigen::MatrixX3d(n, 3)}, left = is;
-  for (Eigen::Index i = 0; i < n; ++i) {
+  for (Index i = 0; i < n; ++i) {
     const auto e = error_at(nominal, truth, poses[std::size_t(i)]);
     const auto b = error_at(nominal, belief, poses[std::size_t(i)]);
     is.tip.row(i) = e.head<3>().transpose();

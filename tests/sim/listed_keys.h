@@ -1,11 +1,9 @@
 #pragma once
 
 #include <regex>
-#include <string>
-#include <vector>
-
 #include "sim/scene/table_reader.h"
 #include "sim/scene/toml.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 

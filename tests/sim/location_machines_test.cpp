@@ -1,18 +1,8 @@
 // Location elements on the packaged machines: by definition, by the instruments, by `check`.
 
-#include <filesystem>
-#include <iostream>
-#include <set>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
 #include "errors/coefficients.h"
 #include "errors/identification/estimate.h"
 #include "errors/identification/model.h"
-#include "kinematics/units.h"
 #include "sim/commands/calibration_commands.h"
 #include "sim/machine/machine.h"
 #include "sim/machine/truth.h"
@@ -21,12 +11,11 @@
 #include "sim/scene/read_scene.h"
 #include "tests/errors/location_net.h"
 #include "tests/sim/measured_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
 
-using namespace abbe::literals;
-namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 namespace net = errors::net;
 
@@ -123,7 +112,7 @@ std::map<std::string, Found> identified(const Scene& scene,
   const auto numbers = errors::coefficients(estimate.belief.elements);
   std::map<std::string, Found> result;
   for (std::size_t i = 0; i < covariance.of.size(); ++i) {
-    const auto k = Eigen::Index(i);
+    const auto k = Index(i);
     const auto at = std::find(numbers.begin(), numbers.end(), covariance.of[i]);
     if (covariance.matrix(k, k) > 0.0)
       result[to_string(estimate.belief.elements[std::size_t(at->element)].name)] = {
@@ -206,10 +195,9 @@ TEST(LocationMachines, CheckSaysWhatALocationElementDoes) {
   EXPECT_NEAR(z["angle_change_urad"]["X-Z"].get<double>(), -10.0, 1e-6);
   EXPECT_FALSE(element_in(table, "EXX").contains("location"));
   const std::string text = to_text(description);
-  EXPECT_NE(text.find("EC0Y     turns X workpiece, which it carries, by -40 urad about Z; angle "
-                      "X-Y +40 urad"),
-            std::string::npos)
-      << text;
+  EXPECT_HAS(text,
+             "EC0Y     turns X workpiece, which it carries, by -40 urad about Z; angle "
+             "X-Y +40 urad");
 }
 
 /// Angles that change by an element of 40 urad alone, as `check` lists them.
@@ -239,16 +227,10 @@ TEST(LocationMachines, WhatIsNoElementOfTheMachineIsRefusedWhereItStands) {
   const SceneFolder folder;
   const fs::path file =
       folder.write("s.toml", measured_scene("[errors]\nEXX_um = 1\nEC0X_urad = 5\n"));
-  try {
-    read_scene(file);
-    ADD_FAILURE() << "EC0X is read";
-  } catch (const BadScene& fault) {
-    const std::string said = fault.what();
-    EXPECT_NE(said.find("s.toml:16:1: expected an element that fits the machine, seen EC0X: X is "
-                        "the reference of Y; state the angle between them as EC0Y"),
-              std::string::npos)
-        << said;
-  }
+  const std::string said = thrown_text<BadScene>([&] { read_scene(file); });
+  EXPECT_HAS(said,
+             "s.toml:16:1: expected an element that fits the machine, seen EC0X: X is "
+             "the reference of Y; state the angle between them as EC0Y");
 }
 
 }  // namespace

@@ -1,23 +1,13 @@
 // Datum, control belief, tool, clamping and centring against closed forms of what they do.
 
-#include <array>
-#include <cmath>
-#include <iostream>
-#include <vector>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
 #include "sim/cut/placement.h"
 #include "sim/scene/read_scene.h"
 #include "tests/oracles/closed_forms.h"
 #include "tests/sim/small_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
-
-using namespace abbe::literals;
-using Eigen::Vector3d;
 
 const std::string typical_file = packaged("errors/gantry_typical.toml").string();
 
@@ -136,8 +126,8 @@ TEST(Datum, ATouchNeedsWhatItTouches) {
            {"[110, 0, 30]", "[-1, 0, 0]", "a touch in the air"},
            {"[15, 0, 1]", "[-1, 0, 0]", "along a face"}}) {
     const std::string said = said_of_touch(point, direction);
-    EXPECT_NE(said.find(says), std::string::npos) << point << direction << ": " << said;
-    EXPECT_NE(said.find("go.toml:11:23: expected a touch of"), std::string::npos) << said;
+    EXPECT_HAS(said, says) << point << direction;
+    EXPECT_HAS(said, "go.toml:11:23: expected a touch of");
   }
 }
 

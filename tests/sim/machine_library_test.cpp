@@ -2,20 +2,9 @@
 // listed of all of them, and how programs pass their poles. Their location elements are in
 // location_machines_test.cpp.
 
-#include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iostream>
-#include <random>
-#include <set>
-
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
-
 #include "kinematics/inverse_kinematics.h"
 #include "kinematics/pose.h"
-#include "kinematics/units.h"
 #include "sim/commands/scene_commands.h"
 #include "sim/cut/bodies.h"
 #include "sim/scene/fields.h"
@@ -26,12 +15,11 @@
 #include "sim/scene/table_reader.h"
 #include "tests/safety/program_run.h"
 #include "tests/sim/measured_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
 
-namespace fs = std::filesystem;
-using Eigen::Vector3d;
 using kinematics::AxisVector;
 using kinematics::Chain;
 using kinematics::Joint;
@@ -42,7 +30,7 @@ using safety::run;
 /// Names of the machines of the library, in their order.
 std::vector<std::string> library_machines() {
   std::vector<std::string> names;
-  for (const auto& entry : std::filesystem::directory_iterator(packaged("machines")))
+  for (const auto& entry : fs::directory_iterator(packaged("machines")))
     names.push_back(entry.path().stem().string());
   std::ranges::sort(names);
   return names;
@@ -69,8 +57,8 @@ TEST_P(LibraryMachine, SaysItsSourceAndItsSizes) {
   const std::string text = bytes(packaged("machines/" + GetParam() + ".toml"));
   EXPECT_TRUE(text.starts_with("# ")) << "a comment at its head";
   const std::string head = text.substr(0, text.find("\nname"));
-  EXPECT_NE(head.find("typical values"), std::string::npos) << "what is chosen is said to be";
-  EXPECT_NE(head.find("chosen"), std::string::npos);
+  EXPECT_HAS(head, "typical values") << "what is chosen is said to be";
+  EXPECT_HAS(head, "chosen");
   const MachineDescription machine = described(GetParam());
   EXPECT_FALSE(machine.summary.empty());
   EXPECT_GE(machine.bodies.size(), 5u);
@@ -145,14 +133,14 @@ AxisVector slides_by_least_squares(const Chain& chain, AxisVector q, const Vecto
     if (chain.joints()[std::size_t(j)].motion == Motion::Linear) slides.push_back(j);
   for (const int j : slides) q[j] = 0.0;
   const Vector3d at = chain.tool_in_workpiece(q).translation();
-  Eigen::MatrixXd ways(3, Eigen::Index(slides.size()));
+  MatrixXd ways(3, Index(slides.size()));
   for (std::size_t k = 0; k < slides.size(); ++k) {
     AxisVector moved = q;
     moved[slides[k]] = 1.0;
-    ways.col(Eigen::Index(k)) = chain.tool_in_workpiece(moved).translation() - at;
+    ways.col(Index(k)) = chain.tool_in_workpiece(moved).translation() - at;
   }
-  const Eigen::VectorXd solved = ways.colPivHouseholderQr().solve(tip_w - at);
-  for (std::size_t k = 0; k < slides.size(); ++k) q[slides[k]] = solved[Eigen::Index(k)];
+  const VectorXd solved = ways.colPivHouseholderQr().solve(tip_w - at);
+  for (std::size_t k = 0; k < slides.size(); ++k) q[slides[k]] = solved[Index(k)];
   return q;
 }
 
@@ -209,7 +197,7 @@ TEST_P(LibraryMachine, IsTakenByCheck) {
     folder.write("scene.toml", measured_scene("", machine));
   const safety::Ran ran = run("check " + scene);
   EXPECT_EQ(ran.code, 0) << ran.text;
-  EXPECT_NE(ran.text.find(described(machine).name), std::string::npos) << ran.text;
+  EXPECT_HAS(ran.text, described(machine).name);
 }
 
 INSTANTIATE_TEST_SUITE_P(Machines, LibraryMachine, testing::ValuesIn(library_machines()),
@@ -259,10 +247,9 @@ TEST(MachineBodies, AreRefusedWhereTheyAreWrong) {
             "0, 3\n");
   EXPECT_EQ(refusal_of_body("size_mm = [1, 2, 3]\ncarried_by = \"Y\"\n"),
             "m.toml:7:14: expected a letter of the machine's code: b X Z s, seen Y\n");
-  EXPECT_NE(refusal_of_body("size_mm = [1, 2]\n").find("m.toml:6:"), std::string::npos);
-  EXPECT_NE(refusal_of_body("at_mm = [1, 2, 3]\n").find("size_mm"), std::string::npos);
-  EXPECT_NE(refusal_of_body("size_mm = [1, 2, 3]\nshapes = \"box\"\n").find("shapes"),
-            std::string::npos);
+  EXPECT_HAS(refusal_of_body("size_mm = [1, 2]\n"), "m.toml:6:");
+  EXPECT_HAS(refusal_of_body("at_mm = [1, 2, 3]\n"), "size_mm");
+  EXPECT_HAS(refusal_of_body("size_mm = [1, 2, 3]\nshapes = \"box\"\n"), "shapes");
 }
 
 // ---- abbe new --list, and the table of the document
@@ -270,13 +257,10 @@ TEST(MachineBodies, AreRefusedWhereTheyAreWrong) {
 TEST(LibraryList, NamesKindsAndMachinesWithAxesAndTravels) {
   const safety::Ran ran = run("new --list");
   EXPECT_EQ(ran.code, 0) << ran.text;
-  for (const std::string& kind : new_kinds())
-    EXPECT_NE(ran.text.find("\n  " + kind + " "), std::string::npos) << kind;
+  for (const std::string& kind : new_kinds()) EXPECT_HAS(ran.text, "\n  " + kind + " ") << kind;
   for (const std::string& machine : library_machines())
-    EXPECT_NE(ran.text.find("\n  " + machine + " "), std::string::npos) << machine;
-  EXPECT_NE(ran.text.find("w C' B' b X Y Z s t; X 400, Y 200, Z 240 mm; B -50 .. 100, C any deg"),
-            std::string::npos)
-      << ran.text;
+    EXPECT_HAS(ran.text, "\n  " + machine + " ") << machine;
+  EXPECT_HAS(ran.text, "w C' B' b X Y Z s t; X 400, Y 200, Z 240 mm; B -50 .. 100, C any deg");
   const auto json = nlohmann::json::parse(run("new --list --json").text);
   EXPECT_EQ(json["kinds"].size(), new_kinds().size());
   EXPECT_EQ(json["machines"].size(), library_machines().size());
@@ -292,10 +276,9 @@ TEST(LibraryList, NewWithoutKindOrFolderSaysWhatItWants) {
   for (const char* line : {"new", "new gantry"}) {
     const safety::Ran ran = run(line);
     EXPECT_EQ(ran.code, 2) << line;
-    EXPECT_NE(ran.text.find("expected a kind and a folder, such as abbe new gantry first, or "
-                            "--list"),
-              std::string::npos)
-        << ran.text;
+    EXPECT_HAS(ran.text,
+               "expected a kind and a folder, such as abbe new gantry first, or "
+               "--list");
   }
 }
 
@@ -408,10 +391,9 @@ TEST(PoleWarning, SaysHowCloseWhereAndHowTheFreeAxisTurnsOnEveryFiveAxisMachine)
     EXPECT_EQ(pole["axis"], "C") << name;
     EXPECT_GT(pole["turned_deg"].get<double>(), 140.0) << name;
     EXPECT_LT(pole["turned_deg"].get<double>(), 185.0) << name;
-    EXPECT_NE(ran.text.find("the tool passes a pole of the machine, where it is parallel to C and "
-                            "C does not change its direction, within 0.5 deg (line "),
-              std::string::npos)
-        << ran.text;
+    EXPECT_HAS(ran.text,
+               "the tool passes a pole of the machine, where it is parallel to C and "
+               "C does not change its direction, within 0.5 deg (line ");
   }
   EXPECT_EQ(machines, 8);
 }
@@ -425,12 +407,12 @@ TEST(PoleWarning, StandsForEveryDialectOfVectors) {
     const std::string program = folder.write(name, text).string();
     const safety::Ran ran = run("program " + program + " --machine trunnion_ca");
     EXPECT_EQ(ran.code, 0) << ran.text;
-    EXPECT_NE(ran.text.find("passes a pole of the machine, where it is parallel to C and C does "
-                            "not change its direction, within 0.5 deg"),
-              std::string::npos)
-        << name << ": " << ran.text;
-    EXPECT_NE(ran.text.find("closer than 2 deg C turns by"), std::string::npos) << ran.text;
-    EXPECT_NE(ran.text.find("deg/min as programmed"), std::string::npos) << ran.text;
+    EXPECT_HAS(ran.text,
+               "passes a pole of the machine, where it is parallel to C and C does "
+               "not change its direction, within 0.5 deg")
+        << name;
+    EXPECT_HAS(ran.text, "closer than 2 deg C turns by");
+    EXPECT_HAS(ran.text, "deg/min as programmed");
     for (const char* less : {" --pole-warning 0.4", " --pole-warning 0"})
       EXPECT_EQ(
           run("program " + program + " --machine trunnion_ca" + less).text.find("passes a pole"),
@@ -466,7 +448,7 @@ TEST(PoleWarning, StandsInTheSummaryOfARun) {
   const std::string scene = folder.write("s.toml", pole_scene("")).string();
   const safety::Ran ran = run("run " + scene + " --out " + (folder / "out").string());
   EXPECT_EQ(ran.code, 0) << ran.text;
-  EXPECT_NE(ran.text.find("passes a pole of the machine"), std::string::npos) << ran.text;
+  EXPECT_HAS(ran.text, "passes a pole of the machine");
   const auto summary = nlohmann::json::parse(bytes(folder / "out/summary.json"));
   bool said = false;
   for (const auto& warning : summary["warnings"])
@@ -485,30 +467,25 @@ TEST(PoleRules, OfASceneAreReadWrittenAndRefused) {
   };
   const safety::Ran led = said("pole = \"fanuc\"\npole_near_deg = 1\npole_change_deg = 10\n");
   EXPECT_EQ(led.code, 0) << led.text;
-  EXPECT_NE(led.text.find("would pass a pole closer than 1 deg and are led through it"),
-            std::string::npos)
-      << led.text;
+  EXPECT_HAS(led.text, "would pass a pole closer than 1 deg and are led through it");
   const safety::Ran siemens = said("pole = \"siemens\"\n");
   EXPECT_EQ(siemens.code, 0) << siemens.text;
   const safety::Ran linuxcnc = said("pole = \"linuxcnc\"\n");
   EXPECT_EQ(linuxcnc.code, 3);
-  EXPECT_NE(linuxcnc.text.find("a LinuxCNC program, which has no tool vectors"), std::string::npos)
-      << linuxcnc.text;
+  EXPECT_HAS(linuxcnc.text, "a LinuxCNC program, which has no tool vectors");
   const safety::Ran none = said("pole = \"fanuc\"\n");
   EXPECT_EQ(none.code, 3);
-  EXPECT_NE(none.text.find("pole_near_deg"), std::string::npos) << none.text;
-  EXPECT_NE(none.text.find("pole_change_deg"), std::string::npos) << none.text;
+  EXPECT_HAS(none.text, "pole_near_deg");
+  EXPECT_HAS(none.text, "pole_change_deg");
   const safety::Ran alone = said("pole_near_deg = 1\n");
   EXPECT_EQ(alone.code, 3);
-  EXPECT_NE(alone.text.find("s.toml:11:1:"), std::string::npos) << alone.text;
+  EXPECT_HAS(alone.text, "s.toml:11:1:");
   folder.write("p.pvt", "time_s,X_mm\n0,0\n1,1\n");
   std::string table = pole_scene("pole = \"siemens\"\n");
   table.replace(table.find("p.cl"), 4, "p.pvt");
   const safety::Ran of_times = run("check " + folder.write("t.toml", table).string());
   EXPECT_EQ(of_times.code, 3);
-  EXPECT_NE(of_times.text.find("expected no pole with a table of times, which has no vectors"),
-            std::string::npos)
-      << of_times.text;
+  EXPECT_HAS(of_times.text, "expected no pole with a table of times, which has no vectors");
   const Scene scene = read_scene(folder.write(
       "s.toml", pole_scene("pole = \"fanuc\"\npole_near_deg = 1.5\npole_change_deg = 20\n")));
   const Scene again = read_scene(folder.write("again.toml", scene.resolved));
@@ -530,17 +507,15 @@ TEST(PoleRules, FanucLeadsThroughThePoleOfEveryMachineAtRightAngles) {
     if (name.starts_with("nutating")) {
       ++refused;
       EXPECT_EQ(ran.code, 3) << ran.text;
-      EXPECT_NE(ran.text.find("p.cl:6:1: expected a machine with two rotary axes perpendicular to "
-                              "each other and to the tool, with pole = \"fanuc\""),
-                std::string::npos)
-          << ran.text;
+      EXPECT_HAS(ran.text,
+                 "p.cl:6:1: expected a machine with two rotary axes perpendicular to "
+                 "each other and to the tool, with pole = \"fanuc\"");
       continue;
     }
     ++led;
     EXPECT_EQ(ran.code, 0) << name << ": " << ran.text;
-    EXPECT_NE(ran.text.find("1 blocks would pass a pole closer than 1 deg and are led through it"),
-              std::string::npos)
-        << name << ": " << ran.text;
+    EXPECT_HAS(ran.text, "1 blocks would pass a pole closer than 1 deg and are led through it")
+        << name;
   }
   EXPECT_EQ(led, 6);
   EXPECT_EQ(refused, 2);
@@ -554,7 +529,7 @@ TEST(PoleRules, OfTheCommandLineAskForEachOther) {
   EXPECT_EQ(run(program + "--pole-near 1").code, 2);
   const safety::Ran led = run(program + "--pole fanuc --pole-near 1 --pole-change 10");
   EXPECT_EQ(led.code, 0) << led.text;
-  EXPECT_NE(led.text.find("are led through it"), std::string::npos) << led.text;
+  EXPECT_HAS(led.text, "are led through it");
   EXPECT_EQ(run(program + "--pole siemens").code, 0);
   EXPECT_EQ(run(program + "--pole linuxcnc").code, 3);
 }

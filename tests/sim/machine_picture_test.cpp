@@ -3,13 +3,8 @@
 #if ABBE_RENDER
 
 #include "sim/report/machine_picture.h"
-
-#include <algorithm>
-#include <iostream>
-
-#include <gtest/gtest.h>
-
 #include "tests/sim/small_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
@@ -42,7 +37,7 @@ TEST(MachinePicture, DrawsStretchesOfALongPathAndNoSheet) {
   double all = 0.0, longest = 0.0;
   for (const render::Polyline& path : picture.paths) {
     double length = 0.0;
-    for (Eigen::Index i = 1; i < path.points.rows(); ++i)
+    for (Index i = 1; i < path.points.rows(); ++i)
       length += (path.points.row(i) - path.points.row(i - 1)).norm();
     longest = std::max(longest, length);
     all += length;
@@ -65,7 +60,7 @@ TEST(MachinePicture, OfAMachineWithoutBlocksStandsOnABed) {
   for (const render::Body& body : picture.bodies) {
     const auto* block = std::get_if<render::BlockShape>(&body.shape);
     if (!block || &body == &*bed) continue;
-    const Eigen::Vector3d half = 0.5 * block->size.z() * body.T.linear().col(2);
+    const Vector3d half = 0.5 * block->size.z() * body.T.linear().col(2);
     const double low = body.T.translation().z() - std::abs(half.z());
     EXPECT_GE(low, top - 1e-6);
     standing += std::abs(low - top) < 1e-6;
@@ -87,13 +82,13 @@ TEST(MachinePicture, DrawsTheBlocksOfTheMachineWhereItsAxesStand) {
   const render::Body *table = labelled("C'"), *ram = labelled("Z"), *spindle = labelled("s"),
                      *tool = labelled("tool");
   ASSERT_TRUE(table && ram && spindle && tool);
-  EXPECT_EQ(std::get<render::BlockShape>(table->shape).size, Eigen::Vector3d(500, 500, 60));
-  EXPECT_EQ(table->T.translation(), Eigen::Vector3d(0, 0, -30));
+  EXPECT_EQ(std::get<render::BlockShape>(table->shape).size, Vector3d(500, 500, 60));
+  EXPECT_EQ(table->T.translation(), Vector3d(0, 0, -30));
   // ram and spindle go with the tool: the nose is at 50 mm, the ram's middle at 500, the spindle's
   // at 100 with the axes at zero
-  const Eigen::Vector3d nose = tool->T * Eigen::Vector3d(0, 0, 100);
-  EXPECT_NEAR((spindle->T.translation() - nose - Eigen::Vector3d(0, 0, 50)).norm(), 0.0, 1e-9);
-  EXPECT_NEAR((ram->T.translation() - nose - Eigen::Vector3d(0, 0, 450)).norm(), 0.0, 1e-9);
+  const Vector3d nose = tool->T * Vector3d(0, 0, 100);
+  EXPECT_NEAR((spindle->T.translation() - nose - Vector3d(0, 0, 50)).norm(), 0.0, 1e-9);
+  EXPECT_NEAR((ram->T.translation() - nose - Vector3d(0, 0, 450)).norm(), 0.0, 1e-9);
 }
 
 TEST(MachinePicture, DrawsFixturesByTheirNamesWhereThePartStands) {
@@ -109,10 +104,10 @@ TEST(MachinePicture, DrawsFixturesByTheirNamesWhereThePartStands) {
     ASSERT_NE(vice, picture.bodies.end());
     EXPECT_NE(labelled(picture, "fixture"), picture.bodies.end());
     const auto& solid = std::get<render::SolidShape>(vice->shape);
-    const Eigen::Vector3d low = solid.vertices.colwise().minCoeff().transpose(),
-                          high = solid.vertices.colwise().maxCoeff().transpose();
-    EXPECT_NEAR((low - Eigen::Vector3d(-20, 20, 50)).norm(), 0.0, 1e-9);
-    EXPECT_NEAR((high - Eigen::Vector3d(20, 30, 80)).norm(), 0.0, 1e-9);
+    const Vector3d low = solid.vertices.colwise().minCoeff().transpose(),
+                   high = solid.vertices.colwise().maxCoeff().transpose();
+    EXPECT_NEAR((low - Vector3d(-20, 20, 50)).norm(), 0.0, 1e-9);
+    EXPECT_NEAR((high - Vector3d(20, 30, 80)).norm(), 0.0, 1e-9);
     EXPECT_EQ(vice->T.matrix(), picture.frames.front().T.matrix()) << "the workpiece";
     EXPECT_EQ(zigzag_picture(without_blocks).bodies.size() + 2, picture.bodies.size());
   }

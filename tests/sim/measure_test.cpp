@@ -1,27 +1,16 @@
 // Virtual instruments on whole scenes: what they read is what was put in, no more and no less.
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <iostream>
-#include <map>
-#include <string>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
 #include "sim/cut/process.h"
 #include "sim/machine/truth.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 #include "tests/sim/odd_scenes.h"
 #include "tests/sim/refusal.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
 
-using namespace abbe::literals;
 using errors::metrology::BodyPoses;
 using errors::metrology::Kind;
 using errors::metrology::Readings;
@@ -70,7 +59,7 @@ TEST(Measure, TheLaserReadsTheConstantSlopeThatWasInjected) {
   const Scene scene = scene_of(measured_scene(
       "[errors.EXX]\nkind = \"legendre\"\ncoefficients_um = [0, 6]\nhalf_range_mm = 300\n"));
   const Readings readings = measure_machine(scene, faultless(scene, "laser"));
-  const Eigen::VectorXd seen = beyond_nominal(readings);
+  const VectorXd seen = beyond_nominal(readings);
   double worst = 0.0, others = 0.0;
   std::map<int, double> zero;  // by set-up: the counter is set where it is first read
   for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
@@ -79,7 +68,7 @@ TEST(Measure, TheLaserReadsTheConstantSlopeThatWasInjected) {
     const double error = along_x ? c * measurement.state.q[1] / 300.0 : 0.0;
     const double first = zero.emplace(measurement.set_up, error).first->second;
     double& most = along_x ? worst : others;
-    most = std::max(most, std::abs(seen[Eigen::Index(i)] - (error - first)));
+    most = std::max(most, std::abs(seen[Index(i)] - (error - first)));
   }
   std::cout << "off by " << worst << " mm along X, " << others << " mm elsewhere\n";
   EXPECT_LT(worst, 1e-12);  // mm: a few ulp at 300 mm
@@ -91,7 +80,7 @@ TEST(Measure, TheLaserSeesThePitchOverItsArm) {
   const Scene scene = scene_of(measured_scene(
       "[errors.EBX]\nkind = \"legendre\"\ncoefficients_urad = [0, 30]\nhalf_range_mm = 300\n"));
   const Readings readings = measure_machine(scene, faultless(scene, "laser"));
-  const Eigen::VectorXd seen = beyond_nominal(readings);
+  const VectorXd seen = beyond_nominal(readings);
   double worst = 0.0;
   std::optional<double> first;
   for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
@@ -104,7 +93,7 @@ TEST(Measure, TheLaserSeesThePitchOverItsArm) {
       first = error;
       std::cout << "arm " << arm << " mm\n";
     }
-    worst = std::max(worst, std::abs(seen[Eigen::Index(i)] - (error - *first)));
+    worst = std::max(worst, std::abs(seen[Index(i)] - (error - *first)));
   }
   std::cout << "off by " << worst << " mm\n";
   EXPECT_LT(worst, 1e-11);
@@ -129,7 +118,7 @@ TEST(Measure, EveryInstrumentBetweenToolAndTableReadsWhereTheTipIs) {
           reading_of(readings, i, tool_in_workpiece(truth, measurement.state)) -
           reading_of(readings, i, readings.nominal.tool_in_workpiece(measurement.state.q));
       const double seen =
-          readings.value[Eigen::Index(i)] -
+          readings.value[Index(i)] -
           reading_of(readings, i, readings.nominal.tool_in_workpiece(measurement.state.q));
       const bool counts = readings.plan.set_ups[std::size_t(measurement.set_up)].is_zero_unknown;
       const double first =
@@ -158,13 +147,13 @@ TEST(Measure, WeightBendsWhatIsMeasured) {
   const auto sag = [&](double scale) {
     const Scene s = scene(scale);
     const Readings readings = measure_machine(s, faultless(s, "straightness"));
-    const Eigen::VectorXd beyond = beyond_nominal(readings);
+    const VectorXd beyond = beyond_nominal(readings);
     double least = 0.0, most = 0.0;
     for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i)
       if (readings.plan.set_ups[std::size_t(readings.plan.measurements[i].set_up)].name ==
           "Y straightness in Z") {
-        least = std::min(least, beyond[Eigen::Index(i)]);
-        most = std::max(most, beyond[Eigen::Index(i)]);
+        least = std::min(least, beyond[Index(i)]);
+        most = std::max(most, beyond[Index(i)]);
       }
     return most - least;
   };
@@ -193,7 +182,7 @@ TEST(Measure, DriftIsTheTrueMotionOfTheTip) {
   double worst = 0.0, largest = 0.0;
   for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
     const auto& measurement = readings.plan.measurements[i];
-    const double seen = readings.value[Eigen::Index(i)];
+    const double seen = readings.value[Index(i)];
     const double is = reading_of(readings, i, tool_in_workpiece(truth, measurement.state));
     const auto [seen_0, is_0] =
         first.emplace(measurement.channel, std::pair(seen, is)).first->second;
@@ -209,8 +198,7 @@ TEST(Measure, DriftIsTheTrueMotionOfTheTip) {
   cold.thermal->scale = 0.0;
   const Readings still = measure_machine(cold, drift);
   for (std::size_t i = 0; i < still.plan.measurements.size(); ++i)
-    ASSERT_EQ(still.value[Eigen::Index(i)], still.value[Eigen::Index(i) % 5])
-        << "without heat nothing moves";
+    ASSERT_EQ(still.value[Index(i)], still.value[Index(i) % 5]) << "without heat nothing moves";
 }
 
 TEST(Measure, TemperaturesAreThoseOfTheSensorsNodes) {
@@ -228,10 +216,10 @@ TEST(Measure, TemperaturesAreThoseOfTheSensorsNodes) {
   double worst = 0.0;
   for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
     const double time_s = readings.plan.measurements[i].state.time_s;
-    const Eigen::VectorXd T_C = errors::temperatures(truth.heat->run, time_s);
+    const VectorXd T_C = errors::temperatures(truth.heat->run, time_s);
     for (std::size_t k = 0; k < 18; ++k)
-      worst = std::max(worst, std::abs(readings.T_C(Eigen::Index(i), Eigen::Index(k)) -
-                                       T_C[scene.thermal->sensors[k].node]));
+      worst = std::max(
+          worst, std::abs(readings.T_C(Index(i), Index(k)) - T_C[scene.thermal->sensors[k].node]));
   }
   std::cout << readings.plan.measurements.size() << " rows, " << worst << " K apart\n";
   EXPECT_LT(worst, 1e-9);
@@ -254,8 +242,7 @@ TEST(Measure, TwoInstrumentsOfAKindErrApart) {
   const Scene scene = read_scene(packaged("gantry_dome.toml"));
   InstrumentDescription one = find_instrument(scene, "laser"), two = one;
   two.instrument.name = "another laser";
-  const Eigen::VectorXd a = measure_machine(scene, one).value,
-                        b = measure_machine(scene, two).value;
+  const VectorXd a = measure_machine(scene, one).value, b = measure_machine(scene, two).value;
   ASSERT_EQ(a.size(), b.size());
   const double apart = rms(a - b);
   std::cout << "two lasers differ by " << apart / 1.0_um << " um RMS\n";
@@ -276,7 +263,7 @@ TEST(Measure, EveryStartIsASetUpOfItsOwn) {
   EXPECT_DOUBLE_EQ(twice.plan.duration_s, 2 * once.plan.duration_s);
   EXPECT_EQ(twice.value.head(once.value.size()), once.value);
   double apart = 0.0;  // the beam was laid again, and the air is another
-  for (Eigen::Index i = 0; i < once.value.size(); ++i)
+  for (Index i = 0; i < once.value.size(); ++i)
     apart = std::max(apart, std::abs(twice.value[i + once.value.size()] - once.value[i]));
   std::cout << "two set-ups differ by up to " << apart / 1.0_um << " um\n";
   EXPECT_GT(apart, 0.01_um);
@@ -345,7 +332,7 @@ VertexPlace make_key(const Row& p) {
 /// Residual by the place of its vertex.
 std::map<VertexPlace, double> map_of(const Job& job, const Cut& cut) {
   std::map<VertexPlace, double> map;
-  for (Eigen::Index i = 0; i < cut.surface.residual.size(); ++i)
+  for (Index i = 0; i < cut.surface.residual.size(); ++i)
     map[make_key(job.design_w.vertices.row(i))] = cut.surface.residual[i];
   return map;
 }
@@ -357,8 +344,8 @@ TEST(Measure, ACoordinateMachineReadsTheMapToItsNoise) {
   const Job job = prepare(scene);
   const std::map<VertexPlace, double> map = map_of(job, cut(job));
   const auto against_map = [&](const PartReadingsFile& file) {
-    Eigen::VectorXd apart = file.readings.deviation;
-    for (Eigen::Index i = 0; i < apart.size(); ++i) {
+    VectorXd apart = file.readings.deviation;
+    for (Index i = 0; i < apart.size(); ++i) {
       const auto found = map.find(make_key(file.readings.points_w.row(i)));
       EXPECT_NE(found, map.end()) << "every point is a vertex";
       if (found != map.end()) apart[i] -= found->second;
@@ -385,8 +372,8 @@ TEST(Measure, TheMachineCannotSeeItself) {
   const Job job = prepare(scene);
   const auto wrong = map_of(job, cut(job)), cusps = map_of(job, cut_error_free(job));
   const auto probed = measure_cut_part(scene, *find_part_instrument(scene, "touch_probe")).readings;
-  Eigen::VectorXd machine(probed.deviation.size()), seen(probed.deviation.size());
-  for (Eigen::Index i = 0; i < seen.size(); ++i) {
+  VectorXd machine(probed.deviation.size()), seen(probed.deviation.size());
+  for (Index i = 0; i < seen.size(); ++i) {
     const auto p = make_key(probed.points_w.row(i));
     machine[i] = wrong.at(p) - cusps.at(p);
     seen[i] = probed.deviation[i] - cusps.at(p);
@@ -419,8 +406,8 @@ TEST(Measure, AnInstrumentThatTheMachineCannotCarryIsRefusedByName) {
   const Scene three = scene_of(measured_scene("", "three_axis_table"));
   for (const char* name : {"r_test", "ball_bar_rotary", "sphere"}) {
     const std::string refusal = refusal_of_measuring(three, name);
-    EXPECT_NE(refusal.find(name), std::string::npos) << refusal;
-    EXPECT_NE(refusal.find("measured.toml"), std::string::npos) << refusal;
+    EXPECT_HAS(refusal, name);
+    EXPECT_HAS(refusal, "measured.toml");
   }
   EXPECT_EQ(refusal_of_measuring(three, "laser"), "");
 }
@@ -431,16 +418,15 @@ TEST(Measure, AnUnknownInstrumentListsTheKnownOnes) {
   const std::string refusal = refusal_of_measuring(scene, "lasre");
   for (const char* word :
        {"\"lasre\"", "mine", "laser", "ball_bar", "temperature", "cmm", "touch_probe"})
-    EXPECT_NE(refusal.find(word), std::string::npos) << word << " in: " << refusal;
+    EXPECT_HAS(refusal, word);
 }
 
 TEST(Measure, ATableOfErrorsThatIsLeftIsRefusedByName) {
   const Scene scene = scene_of(
       measured_scene("[errors.EXX]\nkind = \"table\"\nq_mm = [-100, 100]\nvalue_um = [0, 1]\n"));
   const std::string refusal = refusal_of_measuring(scene, "laser");
-  EXPECT_NE(refusal.find("EXX"), std::string::npos) << refusal;
-  EXPECT_NE(refusal.find("errors that are defined where laser measures"), std::string::npos)
-      << refusal;
+  EXPECT_HAS(refusal, "EXX");
+  EXPECT_HAS(refusal, "errors that are defined where laser measures");
 }
 
 /// A plane of 10 x 10 mm cut half, or sunk into.
@@ -456,10 +442,8 @@ TEST(Measure, WarningsOfTheCutAreThoseOfTheReadings) {
   const auto half = measure(folder.write("half.toml", flat_scene(folder, -1, 0)), options);
   ASSERT_EQ(half.size(), 1u);
   ASSERT_EQ(half[0].warnings.size(), 2u);  // of the program before, of the cut after
-  EXPECT_NE(half[0].warnings[0].find("the program comes within 2 mm of "), std::string::npos)
-      << half[0].warnings[0];
-  EXPECT_NE(half[0].warnings[1].find("judged vertices (20 %) are uncut"), std::string::npos)
-      << half[0].warnings[1];
+  EXPECT_HAS(half[0].warnings[0], "the program comes within 2 mm of ");
+  EXPECT_HAS(half[0].warnings[1], "judged vertices (20 %) are uncut");
   const auto whole = measure(folder.write("whole.toml", flat_scene(folder, 7, 0)), options);
   EXPECT_TRUE(whole.at(0).warnings.empty()) << whole[0].warnings[0];
 }
@@ -470,11 +454,10 @@ TEST(Measure, APartOfWhichNothingCanBeReadIsRefusedAndLeavesNoFile) {
   options.folder = folder.path() / "out";
   const auto sunk = folder.write("sunk.toml", flat_scene(folder, 7, -3));
   const std::string refused = refusal_by([&] { measure(sunk, options); });
-  EXPECT_NE(refused.find("a part that cmm can measure, seen no judged surface cut within 2 mm of "
-                         "the design, 400 vertices gouged deeper"),
-            std::string::npos)
-      << refused;
-  EXPECT_FALSE(std::filesystem::exists(options.folder / "cmm.csv"));
+  EXPECT_HAS(refused,
+             "a part that cmm can measure, seen no judged surface cut within 2 mm of "
+             "the design, 400 vertices gouged deeper");
+  EXPECT_FALSE(fs::exists(options.folder / "cmm.csv"));
 }
 
 TEST(Measure, WritesOneFileAnInstrumentAndNoneWithoutOne) {
@@ -487,7 +470,7 @@ TEST(Measure, WritesOneFileAnInstrumentAndNoneWithoutOne) {
   options.folder = folder.path() / "out";
   const auto all = measure(file, options);
   ASSERT_EQ(all.size(), 3u);
-  for (const MeasuredFile& one : all) EXPECT_TRUE(std::filesystem::exists(one.file)) << one.file;
+  for (const MeasuredFile& one : all) EXPECT_TRUE(fs::exists(one.file)) << one.file;
   EXPECT_EQ(all[0].file.filename(), "one.csv");
   EXPECT_EQ(all[0].set_ups, 3u);
   EXPECT_GT(all[0].duration_s, 3600.0);
@@ -497,7 +480,7 @@ TEST(Measure, WritesOneFileAnInstrumentAndNoneWithoutOne) {
   options.instruments = {};
   options.folder = folder.path() / "nothing";
   EXPECT_THROW(measure(none, options), BadInput);
-  EXPECT_FALSE(std::filesystem::exists(options.folder));
+  EXPECT_FALSE(fs::exists(options.folder));
 }
 
 }  // namespace

@@ -1,18 +1,11 @@
 #pragma once
 
-#include <cmath>
-#include <optional>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-
-#include "kinematics/units.h"
 #include "sim/commands/calibration_commands.h"
 #include "sim/readings/readings_file.h"
 #include "sim/report/verdict.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/small_scene.h"
+#include "tests/test.h"
 
 /// Machines that are there to be measured: scenes that cut next to nothing.
 namespace abbe::sim {
@@ -46,12 +39,12 @@ inline InstrumentDescription faultless(const Scene& scene, const std::string& na
 }
 
 /// Readings minus what the nominal machine would show. (measurements)
-inline Eigen::VectorXd beyond_nominal(const errors::metrology::Readings& readings) {
-  Eigen::VectorXd result = readings.value;
+inline VectorXd beyond_nominal(const errors::metrology::Readings& readings) {
+  VectorXd result = readings.value;
   for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
     const auto& measurement = readings.plan.measurements[i];
     const auto bodies = errors::metrology::nominal_bodies(readings.nominal, measurement.state.q);
-    result[Eigen::Index(i)] -= errors::metrology::reading(
+    result[Index(i)] -= errors::metrology::reading(
         readings.plan.set_ups[std::size_t(measurement.set_up)], measurement.channel, {}, bodies,
         bodies, errors::metrology::spindle_angle(readings.nominal, measurement.state));
   }
@@ -60,12 +53,7 @@ inline Eigen::VectorXd beyond_nominal(const errors::metrology::Readings& reading
 
 /// What measuring a scene refuses, empty if it does not.
 inline std::string refusal_of_measuring(const Scene& scene, const std::string& instrument) {
-  try {
-    measure_machine(scene, find_instrument(scene, instrument));
-    return "";
-  } catch (const BadInput& fault) {
-    return fault.what();
-  }
+  return thrown_text<BadInput>([&] { measure_machine(scene, find_instrument(scene, instrument)); });
 }
 
 /// Machine's part of the map of a case, um RMS.
@@ -75,8 +63,6 @@ inline double machine_um(const Job& job, const std::optional<CaseDescription>& c
          units::um;
 }
 
-inline double rms(const Eigen::VectorXd& v) {
-  return std::sqrt(v.squaredNorm() / double(v.size()));
-}
+inline double rms(const VectorXd& v) { return std::sqrt(v.squaredNorm() / double(v.size())); }
 
 }  // namespace abbe::sim

@@ -1,15 +1,9 @@
-#include <algorithm>
-#include <chrono>
-#include <cstdlib>
-#include <functional>
-#include <iostream>
-
 #include <nlohmann/json.hpp>
-
 #include "sim/cut/placement.h"
 #include "sim/report/verdict.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/odd_scenes.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 
@@ -256,7 +250,7 @@ struct Said {
   }
 };
 
-Said said_of(const std::filesystem::path& file, bool error_free = false) {
+Said said_of(const fs::path& file, bool error_free = false) {
   Said said;
   try {
     const Job job = check_placement(prepare(read_scene(file)));
@@ -286,12 +280,12 @@ class NothingVanishes : public testing::Test {
   }
   void expect_warning(const std::string& name, const std::string& part) const {
     const Said all = said(name);
-    EXPECT_NE(all.text().find(part), std::string::npos) << name << ": " << all.text();
+    EXPECT_HAS(all.text(), part) << name;
     EXPECT_EQ(all.refusal, "") << name;
   }
   void expect_refusal(const std::string& name, const std::string& part) const {
     const Said all = said(name);
-    EXPECT_NE(all.refusal.find(part), std::string::npos) << name << ": " << all.text();
+    EXPECT_HAS(all.refusal, part) << name << ": " << all.text();
   }
 
   SceneFolder folder_;

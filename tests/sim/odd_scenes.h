@@ -1,13 +1,7 @@
 #pragma once
 
-#include <algorithm>
-#include <functional>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-
 #include "tests/sim/small_scene.h"
+#include "tests/test.h"
 
 /// Scenes of which something must be said, and scenes of which nothing may be: each a name and its
 /// TOML text. Files that they name are written by `write_odd_files`.

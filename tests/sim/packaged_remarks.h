@@ -1,7 +1,6 @@
 #pragma once
 
-#include <string>
-#include <vector>
+#include "tests/test.h"
 
 /// Warnings of packaged scenes that are true and stay.
 namespace abbe::sim {

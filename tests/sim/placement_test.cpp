@@ -1,18 +1,11 @@
-#include <array>
-#include <cmath>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
-#include "sim/cut/cut.h"
 #include "sim/cut/placement.h"
+#include "sim/cut/cut.h"
 #include "sim/cut/placement_suggestion.h"
 #include "tests/sim/odd_scenes.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
-
-using Eigen::Vector3d;
 
 /// The fault of a placement, empty for none.
 std::string error_text(const Job& job) {
@@ -56,7 +49,7 @@ TEST_F(Moved, TheGapOfADomeIsThatOfItsSurfaceNotOfItsBox) {
   for (const double gap : {4.0, 15.0, 80.0}) {
     const Job job = moved(fmt::format("work_offset.G54 = {{ Z_mm = {} }}\n", gap));
     const std::string text = error_text(job);
-    EXPECT_TRUE(says(text, "; with G54 Z = ")) << text;
+    EXPECT_HAS(text, "; with G54 Z = ");
     const auto out = placement_suggestion(job);
     ASSERT_TRUE(out);
     const std::size_t at = out->words.find("Z = ");
@@ -64,7 +57,7 @@ TEST_F(Moved, TheGapOfADomeIsThatOfItsSurfaceNotOfItsBox) {
     std::cout << gap << " mm above: " << out->words << ", " << 100.0 * out->reach.reached_fraction
               << " % within reach\n";
     EXPECT_NEAR(z, 0.0, 0.01) << "the offset at which it was programmed";
-    EXPECT_TRUE(says(out->words, fmt::format("(now {:.6g})", gap))) << out->words;
+    EXPECT_HAS(out->words, fmt::format("(now {:.6g})", gap));
     EXPECT_GT(out->reach.reached_fraction, 0.99);
   }
 }
@@ -80,8 +73,7 @@ TEST_F(Moved, AProgramThatTakesThePartAwayIsWarnedOfWithItsOffset) {
   const Placement found = placement(moved("work_offset.G54 = { Z_mm = -3 }\n"));
   ASSERT_EQ(found.warnings.size(), 1u);
   const std::string& text = found.warnings.front();
-  EXPECT_TRUE(says(text, "the program removes 100 % of the judged area more than 2 mm below"))
-      << text;
+  EXPECT_HAS(text, "the program removes 100 % of the judged area more than 2 mm below");
   const std::string words = "; with G54 Z = ";
   ASSERT_TRUE(says(text, words)) << text;
   EXPECT_NEAR(std::stod(text.substr(text.find(words) + words.size())), 0.0, 0.01) << text;
@@ -89,8 +81,7 @@ TEST_F(Moved, AProgramThatTakesThePartAwayIsWarnedOfWithItsOffset) {
 
 TEST_F(Moved, AProgramBesideIsBroughtOverTheMiddle) {
   const Job job = moved("work_offset.G54 = { X_mm = 90, Y_mm = 0, Z_mm = 30 }\n");
-  EXPECT_TRUE(says(error_text(job), "mm away from the part, on its +x side; with G54 X = "))
-      << error_text(job);
+  EXPECT_HAS(error_text(job), "mm away from the part, on its +x side; with G54 X = ");
   const auto out = placement_suggestion(job);
   ASSERT_TRUE(out);
   std::cout << out->words << ", " << 100.0 * out->reach.reached_fraction << " %\n";
@@ -102,7 +93,7 @@ TEST_F(Moved, WhereTheOffsetLeavesTheTravelThePartIsMovedInstead) {
   const Job job = moved("", "[0, 0, -900]");
   const auto out = placement_suggestion(job);
   ASSERT_TRUE(out);
-  EXPECT_TRUE(says(out->words, "with part.at_mm = [0, 0, 80] it fits best")) << out->words;
+  EXPECT_HAS(out->words, "with part.at_mm = [0, 0, 80] it fits best");
   EXPECT_GT(out->reach.reached_fraction, 0.9);
 }
 
@@ -110,8 +101,7 @@ TEST_F(Moved, APartThatIsCutInPlacesIsWarnedOfWithTheShare) {
   const Job job = moved("work_offset.G54 = { X_mm = 15 }\n");
   const Placement found = placement(job);
   ASSERT_EQ(found.warnings.size(), 1u);
-  EXPECT_TRUE(says(found.warnings.front(), "the program comes within 2 mm of "))
-      << found.warnings.front();
+  EXPECT_HAS(found.warnings.front(), "the program comes within 2 mm of ");
   EXPECT_TRUE(
       says(found.warnings.front(),
            "% of the judged area (403 vertices tested): its feed moves take the tip over x "))
@@ -120,11 +110,10 @@ TEST_F(Moved, APartThatIsCutInPlacesIsWarnedOfWithTheShare) {
   const cutting::Surface surface = cut_error_free(job).surface;
   double cut = 0.0;
   for (std::size_t i = 0; i < surface.status.size(); ++i)
-    if (surface.status[i] != cutting::VertexStatus::Uncut)
-      cut += job.design_w.area[Eigen::Index(i)];
+    if (surface.status[i] != cutting::VertexStatus::Uncut) cut += job.design_w.area[Index(i)];
   const double share = cut / job.design_w.area.sum();
   EXPECT_LT(share, 0.9);
-  EXPECT_TRUE(says(found.warnings.front(), fmt::format("of {:.3g} %", 100.0 * share)))
+  EXPECT_HAS(found.warnings.front(), fmt::format("of {:.3g} %", 100.0 * share))
       << found.warnings.front() << "\n"
       << share;
 }
@@ -165,7 +154,7 @@ TEST(Placement, AnOffsetOfAMachineWithRotaryAxesIsAPlace) {
   const std::string machine = "three_axis_table";
   text.replace(text.find(machine), machine.size(), "gantry_cxyza");
   const Job above = prepare(read_scene(folder.write("s.toml", text)));
-  EXPECT_TRUE(says(error_text(above), "; with G54 Z = 20 it fits best")) << error_text(above);
+  EXPECT_HAS(error_text(above), "; with G54 Z = 20 it fits best");
   const Job there =
       prepare(read_scene(folder.write("t.toml", text + "work_offset.G54 = { Z_mm = 20 }\n")));
   EXPECT_EQ(error_text(there), "");
@@ -198,7 +187,7 @@ TEST(Placement, AnIndexedProgramHasAnOffsetToo) {
       std::cout << machine << " " << z << ": " << text << "\n";
       EXPECT_TRUE(says(text, "it touches") || says(text, "it fits best")) << text;
     }
-  EXPECT_TRUE(says(fault_on("trunnion_cb", "B", 80, ""), "; with "));
+  EXPECT_HAS(fault_on("trunnion_cb", "B", 80, ""), "; with ");
 }
 
 /// The number behind "X = " in words, 0 where it is not there.
@@ -228,7 +217,7 @@ TEST(Placement, TheOffsetOfAMovedWallIsThatAtWhichItWasProgrammed) {
               << 100.0 * out->reach.reached_fraction << " %\n";
     EXPECT_NEAR(offset_in(out->words, "Y"), 0.0, 0.002) << out->words;
     EXPECT_GT(out->reach.reached_fraction, 0.99) << out->words;
-    EXPECT_TRUE(says(out->words, "it fits best")) << out->words;
+    EXPECT_HAS(out->words, "it fits best");
   }
 }
 
@@ -268,12 +257,11 @@ TEST(Placement, TheOffsetOfAMovedShaftIsThatAtWhichItWasProgrammed) {
               << " %\n";
     EXPECT_NEAR(offset_in(out->words, "X"), 0.0, 0.002) << out->words;
     EXPECT_GT(out->reach.reached_fraction, 0.99) << out->words;
-    EXPECT_TRUE(says(out->words, "it fits best")) << out->words;
+    EXPECT_HAS(out->words, "it fits best");
   }
   const Placement deep = placement(shaft(-3, 0));
   ASSERT_EQ(deep.warnings.size(), 1u);
-  EXPECT_TRUE(says(deep.warnings.front(), "; with G54 X = 0 (now -3) it fits best"))
-      << deep.warnings.front();
+  EXPECT_HAS(deep.warnings.front(), "; with G54 X = 0 (now -3) it fits best");
 }
 
 /// A dome is turned by an arc, so that both directions are determined.
@@ -301,7 +289,7 @@ TEST(Placement, TheOffsetOfAMovedTurnedDomeIsThatAtWhichItWasProgrammed) {
               << " %\n";
     EXPECT_NEAR(offset_in(out->words, "X"), 0.0, 0.05) << out->words;
     EXPECT_NEAR(offset_in(out->words, "Z"), 0.0, 0.05) << out->words;
-    EXPECT_TRUE(says(out->words, "it fits best")) << out->words;
+    EXPECT_HAS(out->words, "it fits best");
   }
 }
 
@@ -320,10 +308,9 @@ TEST(Placement, APartWithTooFewVerticesIsSaidToHaveTooFew) {
                       .part = "file = \"part.stl\"\nunit = \"mm\"\nopen = true\n" + sampling})))));
   };
   const std::string text = fault_with("sampling = \"vertices\"\n");
-  EXPECT_TRUE(says(text,
-                   "part.stl: expected at least 10 judged vertices, at most a cutter diameter (10 "
-                   "mm) apart, seen 4 judged vertices, up to 141.4 mm apart, none of them cut"))
-      << text;
+  EXPECT_HAS(text,
+             "part.stl: expected at least 10 judged vertices, at most a cutter diameter (10 "
+             "mm) apart, seen 4 judged vertices, up to 141.4 mm apart, none of them cut");
   EXPECT_EQ(fault_with(""), "");
 }
 
@@ -337,7 +324,7 @@ TEST(Placement, EveryOffsetThatTheProgramUsesIsNamed) {
   const std::string text = error_text(job);
   EXPECT_NEAR(offset_in(text.substr(text.find("G54")), "Z"), -80.0, 0.005) << text;
   EXPECT_NEAR(offset_in(text.substr(text.find("G55")), "Z"), -75.0, 0.005) << text;
-  EXPECT_TRUE(says(text, "(now 5) it fits best")) << text;
+  EXPECT_HAS(text, "(now 5) it fits best");
 }
 
 /// An STL of triangles.

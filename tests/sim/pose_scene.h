@@ -1,20 +1,13 @@
 #pragma once
 
-#include <random>
-#include <sstream>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-
-#include "kinematics/units.h"
 #include "sim/cut/pose_table.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/scene_folder.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 
-inline std::filesystem::path scenes() { return std::filesystem::path(ABBE_SOURCE_DIR) / "scenes"; }
+inline fs::path scenes() { return fs::path(ABBE_SOURCE_DIR) / "scenes"; }
 
 /// A scene of which only the machine and what is wrong with it matter.
 inline std::string idle_scene(const std::string& machine, const std::string& more = {},
@@ -34,8 +27,7 @@ inline IdleMachine idle_of(const std::string& toml) {
   return idle_machine(read_scene(folder.write("idle.toml", toml)));
 }
 
-inline IdleMachine idle_of(const std::filesystem::path& scene,
-                           const std::vector<Override>& changes = {}) {
+inline IdleMachine idle_of(const fs::path& scene, const std::vector<Override>& changes = {}) {
   return idle_machine(read_scene(scene, changes));
 }
 

@@ -1,24 +1,19 @@
 // Poses by the thousand: against one pose after another, against a second chain, against their own
 // sums.
 
-#include <iostream>
-
-#include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
-
-#include "kinematics/inverse_kinematics.h"
-#include "kinematics/units.h"
 #include "sim/cut/pose_table.h"
+#include <nlohmann/json.hpp>
+#include "kinematics/inverse_kinematics.h"
 #include "sim/report/pose_report.h"
 #include "sim/scene/read_scene.h"
 #include "tests/oracles/paper_chain.h"
 #include "tests/sim/pose_scene.h"
 #include "tests/sim/refusal.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
 
-using Eigen::Vector3d;
 using kinematics::AxisState;
 
 std::string position_text(const PoseList& poses, std::size_t i) {
@@ -44,7 +39,7 @@ void expect_the_digits_of_at(const Scene& scene, unsigned seed) {
     const auto cell = [&](std::size_t k) { return rows[i + 1].at(first + k); };
     ASSERT_EQ(rows[i + 1].size(), first + table.column_names().size());
     for (std::size_t k = 0; k < 3; ++k) {
-      const auto c = Eigen::Index(k);
+      const auto c = Index(k);
       EXPECT_EQ(cell(k), fmt::format("{}", at.pose.nominal.translation()[c] + 0.0));
       EXPECT_EQ(cell(3 + k), fmt::format("{}", at.pose.deviation()[c] / units::um + 0.0));
       EXPECT_EQ(cell(7 + k), fmt::format("{}", at.pose.direction()[c] / units::urad + 0.0));
@@ -166,12 +161,12 @@ Bound bound_of(const IdleMachine& idle, const AxisState& state) {
     T += d.motion.tail<3>().norm() + d.location.tail<3>().norm();
     D += d.motion.head<3>().norm() + d.location.head<3>().norm();
     L = std::max(L, chain.joints()[i].motion == kinematics::Motion::Linear
-                        ? std::abs(state.q[Eigen::Index(i)])
+                        ? std::abs(state.q[Index(i)])
                         : 0.0);
     // arm: where the joint's point is carried, by its own Jacobian of pure turns
-    const Eigen::MatrixXd J = kinematics::motion_jacobian(chain, state.q);
+    const MatrixXd J = kinematics::motion_jacobian(chain, state.q);
     for (int k = 3; k < 6; ++k)
-      L = std::max(L, std::sqrt(2.0) * J.col(6 * Eigen::Index(i) + k).head<3>().norm());
+      L = std::max(L, std::sqrt(2.0) * J.col(6 * Index(i) + k).head<3>().norm());
   }
   const double G = idle.truth.heat && idle.truth.heat->model.workpiece
                        ? std::abs(idle.truth.heat->model.workpiece->per_K) * 100.0
@@ -244,8 +239,7 @@ TEST(PoseShares, NamesThatTheMachineLacksAreRefusedWithThoseThatItHas) {
   const IdleMachine idle = idle_of(scenes() / "gantry_dome.toml");
   EXPECT_EQ(select_sources(error_sources(idle), {"EC0Y", "EXX"}).front().name, "EC0Y");
   EXPECT_EQ(select_sources(error_sources(idle), {"all"}).size(), 46u);
-  EXPECT_NE(refusal_by([&] { select_sources(error_sources(idle), {"EXU"}); }).find("EXX"),
-            std::string::npos);
+  EXPECT_HAS(refusal_by([&] { select_sources(error_sources(idle), {"EXU"}); }), "EXX");
   EXPECT_NE(refusal_by([&] { select_sources(error_sources(idle), {"EXX", "EXX"}); }), "");
 }
 
@@ -317,7 +311,7 @@ TEST(PoseTable, TimeIsThatOfTheHeat) {
 }
 
 TEST(PoseTable, StatisticsAreThoseOfAllPoses) {
-  const Eigen::VectorXd um = Eigen::VectorXd::LinSpaced(100, 1.0, 100.0).reverse();
+  const VectorXd um = VectorXd::LinSpaced(100, 1.0, 100.0).reverse();
   const PoseStatistics s = pose_statistics(um, 2.0 * um.reverse());
   EXPECT_EQ(s.poses, 100u);
   EXPECT_EQ(s.max_um, 100.0);
@@ -337,7 +331,7 @@ TEST(PoseTable, LeavingATableIsRefusedAtTheFirstPoseThatDoes) {
   const PoseList poses = read_poses(text, "poses.csv", idle.machine.nominal);
   const std::string refusal = refusal_by([&] { table_text(table, poses, TableFormat::Csv); });
   EXPECT_EQ(refusal.rfind("poses.csv:142: ", 0), 0u) << refusal;
-  EXPECT_NE(refusal.find("EXX"), std::string::npos) << refusal;
+  EXPECT_HAS(refusal, "EXX");
 }
 
 }  // namespace

@@ -1,29 +1,16 @@
 // Force and deflection in the loop: shafts, walls, statuses.
 
-#include <array>
-#include <cmath>
-#include <cstdlib>
-#include <iostream>
-#include <map>
-#include <set>
-#include <tuple>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
-
-#include "cutting/stock/stock_mesh.h"
-#include "kinematics/units.h"
 #include "sim/cut/process.h"
+#include <nlohmann/json.hpp>
+#include "cutting/stock/stock_mesh.h"
 #include "sim/report/summary.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/small_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
-
-using namespace abbe::literals;
 
 constexpr double K_tc = 2000, K_rc = 800, K_te = 30, K_re = 40;  // steel_c45_typical
 constexpr double feed_per_turn = 0.04, insert = 3.0;             // mm
@@ -285,7 +272,7 @@ TEST(SteppedShaft, ATurretThatTheCutDrawsInTooFarIsWarnedOf) {
 }
 
 TEST(Shafts, RadiiAreThoseOfTheTableOfYangBeforeCompensation) {
-  const std::tuple<const char*, std::array<const char*, 3>, Eigen::Vector3d> parts[] = {
+  const std::tuple<const char*, std::array<const char*, 3>, Vector3d> parts[] = {
       {"stepped_shaft.toml", {"R1", "R2", "R3"}, {12484.7, 12481.6, 12478.2}},
       {"cone_shaft.toml", {"R3", "R4", "R5"}, {12488.7, 12485.3, 12482.6}}};
   for (const auto& [scene, names, measured_um] : parts) {
@@ -306,7 +293,7 @@ TEST(Shafts, ARingThatNothingLiesOnIsTold) {
   const Verdict verdict = judge(job, cut(job), nullptr);
   EXPECT_TRUE(to_json(summary(job, verdict)).at("radii_um").at("R2").is_null());
   ASSERT_EQ(verdict.cut.warnings.size(), 1u);
-  EXPECT_NE(verdict.cut.warnings[0].find("R2"), std::string::npos);
+  EXPECT_HAS(verdict.cut.warnings[0], "R2");
 }
 
 TEST(SteppedShaft, APerfectBeliefTakesTheForceOut) {
@@ -438,12 +425,12 @@ TEST(Process, ASlotTakesItsVolumeAndItsMeanForce) {
                                 .process;
     require_finite(process);
     EXPECT_TRUE(process.crash_lines.empty());
-    std::vector<Eigen::Vector3d> forces;
+    std::vector<Vector3d> forces;
     for (const ProcessStep& step : process.steps)
       if (!step.load.tool_wrench_t.isZero(0.0))
         forces.emplace_back(step.load.tool_wrench_t.head<3>());
     ASSERT_GT(forces.size(), 40u);
-    const Eigen::Vector3d F = forces[forces.size() / 2];
+    const Vector3d F = forces[forces.size() / 2];
     const double off =
         std::max(std::abs(-F.x() / F_feed - 1), std::abs(std::abs(F.y()) / F_cross - 1));
     std::cout << "spacing " << spacing << " mm: removed " << removed(process)
@@ -461,7 +448,7 @@ TEST(Process, AProgramThatMeetsNothingSaysSo) {
   require_finite(made.process);
   EXPECT_EQ(removed(made.process), 0.0);
   ASSERT_FALSE(made.warnings.empty());
-  EXPECT_NE(made.warnings.front().find("did not touch the blank"), std::string::npos);
+  EXPECT_HAS(made.warnings.front(), "did not touch the blank");
 }
 
 TEST(Process, APlungeFullyEngagedEndsWithNumbers) {
@@ -516,7 +503,7 @@ TEST(Process, TheSenseOfTheSpindleIsThatOfTheFlutes) {
     FAIL() << "not refused";
   } catch (const BadInput& fault) {
     EXPECT_EQ(fault.line, 8);
-    EXPECT_NE(std::string(fault.what()).find("M3"), std::string::npos) << fault.what();
+    EXPECT_HAS(fault.what(), "M3");
   }
   EXPECT_NO_THROW(block("M4\n" + slot, "rotation = \"counter_clockwise\"\n"));
 }
@@ -539,7 +526,7 @@ TEST(Process, TurningKnowsRapidsAndASpindleAtRestOrBackwards) {
       ADD_FAILURE() << spindle << " not refused";
     } catch (const BadInput& fault) {
       EXPECT_EQ(fault.line, 5) << fault.what();
-      EXPECT_NE(std::string(fault.what()).find("spindle"), std::string::npos) << fault.what();
+      EXPECT_HAS(fault.what(), "spindle");
     }
   }
 }
@@ -561,17 +548,14 @@ TEST(Process, ACutWithTheSpindleAtRestIsRefusedByItsLine) {
     FAIL() << "not refused";
   } catch (const BadInput& fault) {
     EXPECT_EQ(fault.line, 8);
-    EXPECT_NE(std::string(fault.what()).find("spindle"), std::string::npos) << fault.what();
+    EXPECT_HAS(fault.what(), "spindle");
   }
 }
 
 TEST(Process, MoreDexelsThanAllowedAreRefusedWithAnEstimate) {
-  try {
-    block("G0 Z100\nG1 X5 F600\n", "max_MiB = 1\nspacing_mm = 0.05\n");
-    FAIL() << "not refused";
-  } catch (const std::exception& fault) {
-    EXPECT_NE(std::string(fault.what()).find("MiB"), std::string::npos) << fault.what();
-  }
+  const std::string said = thrown_text<std::exception>(
+      [&] { block("G0 Z100\nG1 X5 F600\n", "max_MiB = 1\nspacing_mm = 0.05\n"); });
+  EXPECT_HAS(said, "MiB");
 }
 
 }  // namespace

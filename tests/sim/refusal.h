@@ -1,25 +1,15 @@
 #pragma once
 
-#include <string>
-
-#include <gtest/gtest.h>
-
 #include "sim/scene/scene.h"
 #include "sim/scene/toml.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 
 /// What a reader says when it refuses; empty if it does not.
 template <typename Read>
 std::string refusal_by(const Read& read) {
-  try {
-    read();
-    return "";
-  } catch (const BadInput& fault) {
-    return fault.what();
-  } catch (const BadScene& fault) {
-    return fault.what();
-  }
+  return thrown_text<BadInput, BadScene>([&] { read(); });
 }
 
 /// Faults as one text, each on its line; empty if there are none.

@@ -1,18 +1,8 @@
 // Regions of a part by what its mesh file says of its faces: groups and colours.
 
-#include "sim/cut/part_regions.h"
-
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-#include <map>
-#include <sstream>
-
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
-
-#include "kinematics/units.h"
 #include "sim/cut/judged_surface.h"
+#include "sim/cut/part_regions.h"
 #include "sim/report/check_report.h"
 #include "sim/report/verdict.h"
 #include "sim/scene/fields.h"
@@ -21,12 +11,10 @@
 #include "sim/scene/table_reader.h"
 #include "tests/sim/small_scene.h"
 #include "tests/sim/written_section.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
-
-using Eigen::Index;
-using Eigen::Vector3d;
 
 /// A block of 8 x 6 x 4, its top at z = 0 in two halves: "left" with x < 0, red, and "right", blue;
 /// its walls and bottom are green, each a group.
@@ -51,7 +39,7 @@ struct BlockScene {
   std::string keys = "sampling = \"vertices\"\nedge_margin_mm = 0\n";
   std::string regions = {};
   std::string more = {};
-  std::filesystem::path file() const {
+  fs::path file() const {
     folder.write("block.obj", two_coloured_obj());
     folder.write("paint.mtl", paint);
     return folder.write(
@@ -67,13 +55,8 @@ std::string region_text(const std::string& name, const std::string& keys) {
   return "[[part.region]]\nname = \"" + name + "\"\n" + keys + "\n";
 }
 
-std::string refusal_of_job(const std::filesystem::path& file) {
-  try {
-    prepare(read_scene(file));
-  } catch (const BadInput& bad) {
-    return bad.what();
-  }
-  return "accepted";
+std::string refusal_of_job(const fs::path& file) {
+  return thrown_text<BadInput>([&] { prepare(read_scene(file)); }, "accepted");
 }
 
 bool has_warning(const Job& job, const std::string& text) {
@@ -92,7 +75,7 @@ TEST(Regions, KeysOfFacesAreReadAndWritten) {
   EXPECT_EQ(part.regions.at(0).colour, (cutting::Rgb{255, 128, 0}));
   EXPECT_EQ(part.regions.at(0).place.line, 2);
   const std::string again = written_again(text, read_part, part_to_table);
-  EXPECT_NE(again.find("group = \"Fläche 1\"\ncolour = \"#ff8000\"\n"), std::string::npos) << again;
+  EXPECT_HAS(again, "group = \"Fläche 1\"\ncolour = \"#ff8000\"\n");
   EXPECT_TRUE(required_marks(part).groups && required_marks(part).colours);
   EXPECT_FALSE(required_marks(read_section("file = \"" + file + "\"\n", read_part)).any());
 }
@@ -106,36 +89,27 @@ TEST(Regions, KeysThatCannotBeAreRefusedAtTheirPlace) {
     return all;
   };
   const std::string disc = "surface = \"disc\"\nradius_mm = 10.0\n[[region]]\nname = \"a\"\n";
-  EXPECT_NE(input_errors(disc + "group = \"b\"\n")
-                .find("s.toml:5:9: expected a part from a mesh `file`, seen a declared surface"),
-            std::string::npos)
-      << input_errors(disc + "group = \"b\"\n");
-  EXPECT_NE(input_errors(disc + "colour = \"#ffffff\"\n").find("a part from a mesh `file`"),
-            std::string::npos);
+  EXPECT_HAS(input_errors(disc + "group = \"b\"\n"),
+             "s.toml:5:9: expected a part from a mesh `file`, seen a declared surface");
+  EXPECT_HAS(input_errors(disc + "colour = \"#ffffff\"\n"), "a part from a mesh `file`");
   for (const char* colour :
        {"\"red\"", "\"#fff\"", "\"#gggggg\"", "\"ff00ff\"", "\"\"", "16711680", "[1, 2, 3]"})
-    EXPECT_NE(input_errors(disc + "colour = " + colour + "\n").find("s.toml:5:10"),
-              std::string::npos)
-        << colour << input_errors(disc + "colour = " + colour + "\n");
-  EXPECT_NE(input_errors(disc + "group = \"\"\n").find("s.toml:5:9"), std::string::npos);
-  EXPECT_NE(input_errors(disc + "color = \"#ffffff\"\n").find("nearest: part.region.colour"),
-            std::string::npos);
+    EXPECT_HAS(input_errors(disc + "colour = " + colour + "\n"), "s.toml:5:10") << colour;
+  EXPECT_HAS(input_errors(disc + "group = \"\"\n"), "s.toml:5:9");
+  EXPECT_HAS(input_errors(disc + "color = \"#ffffff\"\n"), "nearest: part.region.colour");
 }
 
 TEST(Regions, WhatTheMeshDoesNotHaveIsRefusedWithWhatItHas) {
-  EXPECT_NE(
-      refusal_of_job(BlockScene{.regions = region_text("a", "group = \"lefft\"")}.file())
-          .find("expected a part.region.group of the mesh: \"blue\", \"bottom\", \"green\", "
-                "\"left\", \"red\", \"right\", \"top\", \"top left\", \"top right\", \"wall_x+\", "
-                "\"wall_x-\", \"wall_y+\", \"wall_y-\", seen \"lefft\" (nearest: \"left\")"),
-      std::string::npos);
+  EXPECT_HAS(refusal_of_job(BlockScene{.regions = region_text("a", "group = \"lefft\"")}.file()),
+             "expected a part.region.group of the mesh: \"blue\", \"bottom\", \"green\", "
+             "\"left\", \"red\", \"right\", \"top\", \"top left\", \"top right\", \"wall_x+\", "
+             "\"wall_x-\", \"wall_y+\", \"wall_y-\", seen \"lefft\" (nearest: \"left\")");
   const BlockScene colour{.regions = region_text("a", "colour = \"#0000f0\"")};
   const std::string said = refusal_of_job(colour.file());
-  EXPECT_NE(said.find("expected a part.region.colour of the mesh: \"#0000ff\", \"#339933\", "
-                      "\"#cc1a1a\", seen \"#0000f0\" (nearest: \"#0000ff\")"),
-            std::string::npos)
-      << said;
-  EXPECT_NE(said.find("block.toml:"), std::string::npos);
+  EXPECT_HAS(said,
+             "expected a part.region.colour of the mesh: \"#0000ff\", \"#339933\", "
+             "\"#cc1a1a\", seen \"#0000f0\" (nearest: \"#0000ff\")");
+  EXPECT_HAS(said, "block.toml:");
   const SceneFolder folder;
   std::istringstream lines(two_coloured_obj());
   std::string obj;
@@ -145,26 +119,22 @@ TEST(Regions, WhatTheMeshDoesNotHaveIsRefusedWithWhatItHas) {
   const auto file = [&](const std::string& region) {
     return folder.write("a.toml", to_toml(BallRaster{.part = "file = \"block.obj\"\n" + region}));
   };
-  EXPECT_NE(refusal_of_job(file(region_text("a", "group = \"b\"")))
-                .find("seen \"b\" for a mesh without groups"),
-            std::string::npos);
-  EXPECT_NE(refusal_of_job(file(region_text("a", "colour = \"#0000ff\"")))
-                .find("seen \"#0000ff\" for a mesh without face colours"),
-            std::string::npos);
+  EXPECT_HAS(refusal_of_job(file(region_text("a", "group = \"b\""))),
+             "seen \"b\" for a mesh without groups");
+  EXPECT_HAS(refusal_of_job(file(region_text("a", "colour = \"#0000ff\""))),
+             "seen \"#0000ff\" for a mesh without face colours");
 }
 
 TEST(Regions, MissingLibraryOfMaterialsIsSaidOnlyWhereAColourIsAskedFor) {
   const BlockScene with_group{.regions = region_text("a", "group = \"left\"")};
   const auto file = with_group.file();
-  std::filesystem::remove(with_group.folder.path() / "paint.mtl");
+  fs::remove(with_group.folder.path() / "paint.mtl");
   EXPECT_EQ(refusal_of_job(file), "accepted");
   const BlockScene with_colour{.regions = region_text("a", "colour = \"#0000ff\"")};
   const auto other = with_colour.file();
   EXPECT_EQ(read_scene(other).files.back().filename(), "paint.mtl") << "no result may replace it";
-  std::filesystem::remove(with_colour.folder.path() / "paint.mtl");
-  EXPECT_NE(
-      refusal_of_job(other).find("block.obj:1:8: expected the file paint.mtl next to the OBJ"),
-      std::string::npos);
+  fs::remove(with_colour.folder.path() / "paint.mtl");
+  EXPECT_HAS(refusal_of_job(other), "block.obj:1:8: expected the file paint.mtl next to the OBJ");
 }
 
 TEST(Regions, SharesOfABlockAreItsExactAreas) {
@@ -198,10 +168,7 @@ TEST(Regions, SharesOfABlockAreItsExactAreas) {
   EXPECT_TRUE(has_warning(
       job, "the region \"left\" has no effect: later regions contain all of its 24 mm^2"));
   EXPECT_FALSE(has_warning(job, "the region \"top\""));
-  EXPECT_NE(
-      to_text(describe(job)).find("region left: 24 mm^2, 11.54 % of the part, 0 % not covered"),
-      std::string::npos)
-      << to_text(describe(job));
+  EXPECT_HAS(to_text(describe(job)), "region left: 24 mm^2, 11.54 % of the part, 0 % not covered");
 }
 
 /// Vertices of the triangles of the design whose middle lies in a half of the top, and the thirds

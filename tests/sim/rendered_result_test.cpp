@@ -2,21 +2,14 @@
 
 #if ABBE_RENDER
 
-#include <cmath>
-#include <filesystem>
-#include <utility>
-
-#include <gtest/gtest.h>
-
 #include "cutting/part/primitive.h"
 #include "render/residual_field.h"
 #include "tests/cutting/map_over.h"
 #include "tests/sim/scene_folder.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
-
-using Eigen::Vector3d;
 
 /// A map whose form is its slope.
 render::Field sloping(const cutting::Design& design, double slope) {
@@ -32,7 +25,7 @@ TEST(RenderedResult, ADifferenceHasTheDifferenceOfTheForms) {
   const SceneFolder folder;
   const cutting::Design plane = cutting::tessellate(cutting::RectanglePlane{8.0, 6.0}, {300});
   for (const auto& [name, slope] : {std::pair{"one", 5.0}, {"other", 2.0}}) {
-    std::filesystem::create_directories(folder.path() / name);
+    fs::create_directories(folder.path() / name);
     render::write_residual(folder.path() / name / "residual.vtp", sloping(plane, slope));
   }
   RenderOptions options;
@@ -42,7 +35,7 @@ TEST(RenderedResult, ADifferenceHasTheDifferenceOfTheForms) {
   options.size = {400, 320};
   render_result(options);
   const render::Field made = render::read_residual(options.out / "difference.vtp");
-  const Eigen::VectorXd expected = 3.0 * plane.vertices.col(0);
+  const VectorXd expected = 3.0 * plane.vertices.col(0);
   EXPECT_LT((made.deviation_um - expected).cwiseAbs().maxCoeff(), 1e-12);
   ASSERT_EQ(made.form_um.size(), expected.size());
   EXPECT_LT((made.form_um - expected).cwiseAbs().maxCoeff(), 1e-12);

@@ -1,28 +1,18 @@
+#include "sim/report/result_files.h"
 #include <OpenMesh/Core/IO/MeshIO.hh>
 // after the readers and writers, which it looks for
 #include <OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh>
-
-#include "sim/report/result_files.h"
-
-#include <chrono>
-#include <cstring>
-#include <iostream>
-#include <limits>
-#include <sstream>
-
 #include <nlohmann/json.hpp>
-
 #include "cutting/part/read_mesh.h"
 #include "sim/report/map_formats.h"
 #include "tests/safety/program_run.h"
 #include "tests/sim/odd_scenes.h"
+#include "tests/test.h"
 
 /// Files of a map, read by OpenMesh, by the reader of meshes and by the C library. NumPy and VTK
 /// read them in tests/oracles/saved_results.py.
 namespace abbe::sim {
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 
@@ -34,7 +24,7 @@ ResultMap wavy_sheet(int n) {
   d.vertices.resize(n * n, 3);
   d.triangles.resize(2 * (n - 1) * (n - 1), 3);
   map.residual_um.resize(n * n);
-  Eigen::Index face = 0;
+  Index face = 0;
   for (int i = 0; i < n * n; ++i) {
     const double x = i % n, y = i / n;
     d.vertices.row(i) << x + 1.0 / 3.0, y - 200.0, std::sin(x / 7.0) * std::cos(y / 11.0);
@@ -49,7 +39,7 @@ ResultMap wavy_sheet(int n) {
   d.area = cutting::vertex_area(d.vertices, d.triangles);
   map.form_um = 0.5 * map.residual_um;
   map.texture_um = map.residual_um - map.form_um;
-  map.cut_time_s = Eigen::VectorXd::LinSpaced(n * n, 0.0, 60.0);
+  map.cut_time_s = VectorXd::LinSpaced(n * n, 0.0, 60.0);
   return map;
 }
 
@@ -76,7 +66,7 @@ struct MeshTraits : OpenMesh::DefaultTraits {
 };
 using ReadBack = OpenMesh::TriMesh_ArrayKernelT<MeshTraits>;
 
-ReadBack read_by_open_mesh(const std::filesystem::path& file) {
+ReadBack read_by_open_mesh(const fs::path& file) {
   ReadBack mesh;
   mesh.request_vertex_normals();
   OpenMesh::IO::Options options(OpenMesh::IO::Options::VertexNormal |
@@ -94,13 +84,12 @@ cutting::ReadMeshOptions open_surface() {
 /// The corners of triangle after triangle.
 cutting::Points corners_of(const cutting::Points& vertices, const cutting::Triangles& triangles) {
   cutting::Points corners(3 * triangles.rows(), 3);
-  for (Eigen::Index i = 0; i < triangles.size(); ++i)
-    corners.row(i) = vertices.row(triangles.data()[i]);
+  for (Index i = 0; i < triangles.size(); ++i) corners.row(i) = vertices.row(triangles.data()[i]);
   return corners;
 }
 cutting::Points corners_of(const ReadBack& mesh) {
-  cutting::Points corners(3 * Eigen::Index(mesh.n_faces()), 3);
-  Eigen::Index row = 0;
+  cutting::Points corners(3 * Index(mesh.n_faces()), 3);
+  Index row = 0;
   for (const auto face : mesh.faces())
     for (const auto vertex : face.vertices()) {
       const OpenMesh::Vec3d& p = mesh.point(vertex);
@@ -111,7 +100,7 @@ cutting::Points corners_of(const ReadBack& mesh) {
 
 cutting::Points machined_points(const ResultMap& map) {
   cutting::Points points = map.design.vertices;
-  for (Eigen::Index i = 0; i < points.rows(); ++i)
+  for (Index i = 0; i < points.rows(); ++i)
     if (map.status[std::size_t(i)] == 0)
       points.row(i) += 1e-3 * map.residual_um[i] * map.design.normals.row(i);
   return points;
@@ -121,7 +110,7 @@ TEST(ResultFiles, OpenMeshReadsThePlyWithItsNormalsAndQuality) {
   const SceneFolder folder;
   const ResultMap map = awkward_map();
   const ReadBack mesh = read_by_open_mesh(folder.write("a.ply", to_ply(map)));
-  ASSERT_EQ(Eigen::Index(mesh.n_vertices()), map.design.vertices.rows());
+  ASSERT_EQ(Index(mesh.n_vertices()), map.design.vertices.rows());
   const cutting::Points wanted = corners_of(map.design.vertices, map.design.triangles);
   const cutting::Points as_float = wanted.cast<float>().cast<double>();
   EXPECT_EQ(corners_of(mesh), as_float) << "OpenMesh reads float64 through float32";
@@ -130,7 +119,7 @@ TEST(ResultFiles, OpenMeshReadsThePlyWithItsNormalsAndQuality) {
   ASSERT_TRUE(mesh.get_property_handle(quality, "quality"));
   ASSERT_TRUE(mesh.get_property_handle(status, "status"));
   for (const auto vertex : mesh.vertices()) {
-    const Eigen::Index i = vertex.idx();
+    const Index i = vertex.idx();
     for (int k = 0; k < 3; ++k)
       EXPECT_EQ(mesh.normal(vertex)[k], double(float(map.design.normals(i, k))));
     const float seen = mesh.property(quality, vertex), given = float(map.residual_um[i]);
@@ -174,7 +163,7 @@ TEST(ResultFiles, NumbersOfTheCsvReadBackToTheSameBits) {
   EXPECT_EQ(line,
             "x_mm,y_mm,z_mm,nx,ny,nz,residual_um,form_um,texture_um,status,cut_time_s,cut_line,"
             "area_mm2");
-  for (Eigen::Index i = 0; i < map.residual_um.size(); ++i) {
+  for (Index i = 0; i < map.residual_um.size(); ++i) {
     ASSERT_TRUE(std::getline(text, line));
     const cutting::Design& d = map.design;
     const double wanted[] = {d.vertices(i, 0),   d.vertices(i, 1),
@@ -202,10 +191,10 @@ TEST(ResultFiles, NumbersOfTheCsvReadBackToTheSameBits) {
 TEST(ResultFiles, FactsStayOnTheirLineWhateverTheTitle) {
   const ResultMap map = awkward_map();
   const std::string title = "two\\x0alines, \"quoted\" end_header \u00b5\u4e2d\\x1b[2J";
-  EXPECT_NE(to_ply(map).find("\ncomment scene: " + title + "\n"), std::string::npos);
-  EXPECT_NE(to_csv(map).find("\n# scene: " + title + "\n"), std::string::npos);
-  EXPECT_NE(to_csv(map).find("\n# seed: 7\n"), std::string::npos);
-  EXPECT_NE(to_csv(map).find("\n# tolerance_um: [-20.0,20.0]\n"), std::string::npos);
+  EXPECT_HAS(to_ply(map), "\ncomment scene: " + title + "\n");
+  EXPECT_HAS(to_csv(map), "\n# scene: " + title + "\n");
+  EXPECT_HAS(to_csv(map), "\n# seed: 7\n");
+  EXPECT_HAS(to_csv(map), "\n# tolerance_um: [-20.0,20.0]\n");
   const std::string head = to_stl(map).substr(0, 80);
   EXPECT_TRUE(std::ranges::all_of(head, [](char c) { return c >= ' ' && c <= '~'; })) << head;
 }
@@ -282,10 +271,8 @@ TEST_F(Save, WritesWhatIsAskedForAndRemovesWhatAnEarlierRunLeft) {
 TEST_F(Save, RefusesAFormatThatIsNoneWithTheNearest) {
   const auto ran = run("--save npz,pyl");
   EXPECT_EQ(ran.code, 2);
-  EXPECT_NE(ran.text.find("--save: expected one of "), std::string::npos) << ran.text;
-  EXPECT_NE(ran.text.find("ply, stl, csv, npz, json, track (nearest: ply), seen pyl"),
-            std::string::npos)
-      << ran.text;
+  EXPECT_HAS(ran.text, "--save: expected one of ");
+  EXPECT_HAS(ran.text, "ply, stl, csv, npz, json, track (nearest: ply), seen pyl");
   EXPECT_FALSE(fs::exists(out()));
 }
 

@@ -1,28 +1,13 @@
-#include "sim/cut/judged_surface.h"
-
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <complex>
-#include <cstdlib>
-#include <fstream>
-#include <iostream>
-#include <numbers>
-#include <random>
-#include <set>
-
 #include "cutting/map/areal_filter.h"
-#include "kinematics/units.h"
+#include "sim/cut/judged_surface.h"
 #include "sim/cut/sweep.h"
 #include "sim/report/verdict.h"
 #include "tests/sim/small_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
-
-using Eigen::Index;
-using Eigen::Vector3d;
-using std::numbers::pi;
 
 const char* const small_dome =
     "surface = \"sphere_cap\"\nradius_mm = 100\nrim_radius_mm = 9\nat_mm = [40, 25, 80]\n";
@@ -54,8 +39,8 @@ TEST(Sampling, FormDoesNotDependOnTheVerticesThatAPartBeginsWith) {
 }
 
 /// The residual on a line of the design, by interpolation between its vertices; NaN off it.
-std::vector<double> along_y(const cutting::Design& design, const Eigen::VectorXd& residual,
-                            double x, double from, double to, int count) {
+std::vector<double> along_y(const cutting::Design& design, const VectorXd& residual, double x,
+                            double from, double to, int count) {
   std::vector<double> values(std::size_t(count), std::nan(""));
   for (const auto& t : design.triangles.rowwise()) {
     const Vector3d a = design.vertices.row(t[0]), b = design.vertices.row(t[1]),
@@ -274,14 +259,14 @@ TEST(Sampling, JudgesWhatTheProgramMeansToCut) {
   const cutting::Surface &left = of_meant.cut.surface, &whole = of_all.cut.surface;
   for (std::size_t i = 0; i < left.status.size(); ++i) {
     if (left.status[i] != cutting::VertexStatus::Cut) continue;
-    EXPECT_EQ(left.residual[Eigen::Index(i)], whole.residual[Eigen::Index(i)]);
+    EXPECT_EQ(left.residual[Index(i)], whole.residual[Index(i)]);
   }
   EXPECT_GT(meant.sampled->excluded_area.unreached, 0.0);
   EXPECT_NEAR(meant.sampled->judged_area + meant.sampled->excluded_area.area(),
               meant.design_w.area.sum(), 1e-9);
   EXPECT_GT(meant.sampled->judged_area, 90.0);
   EXPECT_LT(meant.sampled->judged_area, 0.8 * all.sampled->judged_area);
-  EXPECT_NE(warnings_of(meant, of_meant.cut).front().find("is intended to cut"), std::string::npos);
+  EXPECT_HAS(warnings_of(meant, of_meant.cut).front(), "is intended to cut");
 }
 
 TEST(Sampling, ACaseWithErrorsIsCutOnTheSameVertices) {
@@ -300,9 +285,9 @@ TEST(Sampling, ACaseWithErrorsIsCutOnTheSameVertices) {
 }
 
 /// Equal to the bit, where one is not a number the other is none either.
-void expect_same(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+void expect_same(const VectorXd& a, const VectorXd& b) {
   ASSERT_EQ(a.size(), b.size());
-  for (Eigen::Index i = 0; i < a.size(); ++i)
+  for (Index i = 0; i < a.size(); ++i)
     ASSERT_TRUE(a[i] == b[i] || (std::isnan(a[i]) && std::isnan(b[i]))) << a[i] << " " << b[i];
 }
 

@@ -1,9 +1,3 @@
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
 #include "sim/scene/compensation.h"
 #include "sim/scene/fields.h"
 #include "sim/scene/read_scene.h"
@@ -12,12 +6,11 @@
 #include "tests/sim/refusal.h"
 #include "tests/sim/scene_fingerprint.h"
 #include "tests/sim/small_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
 
-using namespace abbe::literals;
-using Eigen::Vector3d;
 using Belief = CaseDescription::Belief;
 using Channel = CaseDescription::Channel;
 using compensation::PositionLoop;
@@ -58,12 +51,7 @@ std::string compensation_faults(const std::string& text) {
 
 /// What the reader of case names says when it refuses; empty if it does not.
 std::string refusal_of_case(const std::string& name) {
-  try {
-    parse_case(name);
-    return "";
-  } catch (const std::invalid_argument& fault) {
-    return fault.what();
-  }
+  return thrown_text<std::invalid_argument>([&] { parse_case(name); });
 }
 
 // --- [compensation]
@@ -189,8 +177,8 @@ TEST(SceneCompensation, UnknownKeysAreRefusedWithTheNearestOne) {
   };
   for (const auto& one : cases) {
     const std::string input_errors = compensation_faults(one.text);
-    EXPECT_NE(input_errors.find(one.nearest), std::string::npos) << input_errors;
-    EXPECT_NE(input_errors.find(one.seen), std::string::npos) << input_errors;
+    EXPECT_HAS(input_errors, one.nearest);
+    EXPECT_HAS(input_errors, one.seen);
   }
 }
 
@@ -240,11 +228,10 @@ TEST(SceneCompensation, NumbersOutsideTheirRangesAreRefusedAtTheirPlace) {
 
 TEST(SceneCompensation, WordsThatAreNotOnTheListAreRefusedWithTheList) {
   const std::string order = compensation_faults("[loop]\norder = \"third\"");
-  for (const char* word : {"none", "first", "second", "third"})
-    EXPECT_NE(order.find(word), std::string::npos) << order;
+  for (const char* word : {"none", "first", "second", "third"}) EXPECT_HAS(order, word);
   const std::string format = compensation_faults("[table]\nformat = \"fanuc\"");
   for (const char* word : {"linuxcnc", "isg", "siemens", "heidenhain", "fanuc"})
-    EXPECT_NE(format.find(word), std::string::npos) << format;
+    EXPECT_HAS(format, word);
   EXPECT_NE(compensation_faults("[loop]\nbandwidth_Hz = 3"), "") << "a loop has an order";
 }
 
@@ -252,17 +239,15 @@ TEST(SceneCompensation, AllFaultsAreReportedAtOnce) {
   const std::string input_errors = compensation_faults(
       "rotary_bound_deg = -1\nplug_in = \"iterated\"\n[pulses]\ncount_um = 0\n[opne]\n");
   for (const char* word : {"rotary_bound_deg", "strategy-channel", "count_um", "opne"})
-    EXPECT_NE(input_errors.find(word), std::string::npos) << word << " in: " << input_errors;
+    EXPECT_HAS(input_errors, word);
 }
 
 TEST(SceneCompensation, APlugInsStrategyAndChannelAreTwoTokens) {
   EXPECT_EQ(compensation_of("plug_in = \"decoupled-piezo\"").plug_in.channel, Channel::Piezo);
   const std::string one = compensation_faults("plug_in = \"iterated\"");
-  EXPECT_NE(one.find("strategy-channel such as iterated-ideal"), std::string::npos) << one;
+  EXPECT_HAS(one, "strategy-channel such as iterated-ideal");
   const std::string bad = compensation_faults("plug_in = \"iterated-wire\"");
-  EXPECT_NE(bad.find("expected a channel (ideal, program, pulses, open, origin, table, piezo)"),
-            std::string::npos)
-      << bad;
+  EXPECT_HAS(bad, "expected a channel (ideal, program, pulses, open, origin, table, piezo)");
   EXPECT_NE(compensation_faults("plug_in = \"perfect-iterated-ideal\""), "");
   EXPECT_NE(compensation_faults("plug_in = 3"), "");
 }
@@ -411,10 +396,8 @@ TEST(SceneBelief, FaultsAreReportedAtTheirPlace) {
   };
   for (const auto& one : cases) {
     const std::string input_errors = belief_faults(one.text);
-    EXPECT_NE(input_errors.find(one.place), std::string::npos)
-        << one.text << " gives: " << input_errors;
-    EXPECT_NE(input_errors.find(one.word), std::string::npos)
-        << one.text << " gives: " << input_errors;
+    EXPECT_HAS(input_errors, one.place) << one.text;
+    EXPECT_HAS(input_errors, one.word) << one.text;
   }
 }
 
@@ -445,8 +428,8 @@ TEST(SceneBelief, ACaseWithoutItsBeliefIsRefusedByNameAndSection) {
   for (const auto& [name, section] : cases) {
     const std::string input_errors =
         scene_faults(fmt::format("[compare]\ncases = [\"{}\"]\n", name));
-    EXPECT_NE(input_errors.find(name), std::string::npos) << input_errors;
-    EXPECT_NE(input_errors.find(section), std::string::npos) << input_errors;
+    EXPECT_HAS(input_errors, name);
+    EXPECT_HAS(input_errors, section);
   }
   EXPECT_EQ(scene_faults("[compare]\ncases = [\"perfect-position-ideal\"]\n"), "");
   EXPECT_EQ(scene_faults("[belief]\nidentified = { EXX_um = 3 }\n[compare]\ncases = "
@@ -464,32 +447,24 @@ TEST(SceneBelief, ForceWantsACutAndTheSignalThatItIsReadFrom) {
            "\"\n[belief.force.compliance.axis.X]\nstiffness_N_per_um = [80, 60, 100]\n";
   };
   const std::string none = scene_faults(force("model") + cases);
-  EXPECT_NE(none.find("[cutting] with a material for force-position-ideal"), std::string::npos)
-      << none;
+  EXPECT_HAS(none, "[cutting] with a material for force-position-ideal");
   const std::string unread = scene_faults(force("dynamometer") + cases);
-  EXPECT_NE(unread.find("[signals.dynamometer] for force-position-ideal"), std::string::npos)
-      << unread;
+  EXPECT_HAS(unread, "[signals.dynamometer] for force-position-ideal");
   const std::string current = scene_faults(
       "[belief.force]\nfrom = \"current\"\ntraining = { file = \"t.toml\", instrument = \"cmm\" "
       "}\n" +
       cases);
-  EXPECT_NE(current.find("[signals.current] for force-position-ideal"), std::string::npos)
-      << current;
+  EXPECT_HAS(current, "[signals.current] for force-position-ideal");
 }
 
 TEST(SceneBelief, CasesAreRefusedAtTheirPlaceInTheList) {
   const std::string input_errors = scene_faults(
       "[compare]\ncases = [\"perfect-iterated-ideal\", \"perfect-iterated-ideal\",\n\"perfekt-"
       "iterated-ideal\", 3, \"./a.py\", \"b/a.py\"]\n");
-  EXPECT_NE(input_errors.find("each case once, seen \"perfect-iterated-ideal\" again"),
-            std::string::npos)
-      << input_errors;
-  EXPECT_NE(input_errors.find("expected a belief (perfect"), std::string::npos) << input_errors;
-  EXPECT_NE(input_errors.find("a case name such as \"perfect-iterated-ideal\", seen 3"),
-            std::string::npos)
-      << input_errors;
-  EXPECT_NE(input_errors.find("b/a.py\" again"), std::string::npos)
-      << "two plug-ins would share a folder: " << input_errors;
+  EXPECT_HAS(input_errors, "each case once, seen \"perfect-iterated-ideal\" again");
+  EXPECT_HAS(input_errors, "expected a belief (perfect");
+  EXPECT_HAS(input_errors, "a case name such as \"perfect-iterated-ideal\", seen 3");
+  EXPECT_HAS(input_errors, "b/a.py\" again") << "two plug-ins would share a folder";
 }
 
 /// A thermal belief as a file has it.
@@ -512,10 +487,10 @@ TEST(SceneBelief, HostileBeliefFilesAreRefusedWithTheirPlace) {
   EXPECT_NE(faults_with_file(std::string(1000, '\0')), "");
   EXPECT_NE(faults_with_file(good + good), "");
   const std::string huge = faults_with_file(std::string((std::size_t(16) << 20) + 1, '#'));
-  EXPECT_NE(huge.find("heat.txt"), std::string::npos) << huge.substr(0, 300);
+  EXPECT_HAS(huge, "heat.txt") << huge.substr(0, 300);
   const std::string absent =
       faults_of(folder.write("s.toml", scene_text("[belief.thermal]\nfile = \"absent.txt\"\n")));
-  EXPECT_NE(absent.find("absent.txt"), std::string::npos) << absent;
+  EXPECT_HAS(absent, "absent.txt");
   const std::string directory =
       faults_of(folder.write("s.toml", scene_text("[belief.thermal]\nfile = \".\"\n")));
   EXPECT_NE(directory, "");
@@ -523,14 +498,14 @@ TEST(SceneBelief, HostileBeliefFilesAreRefusedWithTheirPlace) {
   folder.write("wrong.toml", "EXX_um = 3\nEXQ_um = 4\n");
   const std::string wrong =
       faults_of(folder.write("s.toml", scene_text("[belief]\nidentified = \"wrong.toml\"\n")));
-  EXPECT_NE(wrong.find("wrong.toml:2:1"), std::string::npos) << wrong;
+  EXPECT_HAS(wrong, "wrong.toml:2:1");
   folder.write("cut.toml", "EXX_um = [[[\n");
   const std::string cut =
       faults_of(folder.write("s.toml", scene_text("[belief]\nidentified = \"cut.toml\"\n")));
-  EXPECT_NE(cut.find("cut.toml:"), std::string::npos) << cut;
+  EXPECT_HAS(cut, "cut.toml:");
   const std::string none =
       faults_of(folder.write("s.toml", scene_text("[belief]\nidentified = \"none.toml\"\n")));
-  EXPECT_NE(none.find("none.toml"), std::string::npos) << none;
+  EXPECT_HAS(none, "none.toml");
 }
 
 TEST(SceneBelief, TheResolvedSceneReadsTheSameFromAnywhere) {
@@ -554,7 +529,7 @@ TEST(SceneBelief, TheResolvedSceneReadsTheSameFromAnywhere) {
   EXPECT_EQ(scene.resolved, again.resolved);
   EXPECT_EQ(scene.resolved.find("believed.toml"), std::string::npos) << "errors are read in";
   EXPECT_EQ(scene.resolved.find("soft.toml"), std::string::npos) << "compliance is read in";
-  EXPECT_NE(scene.resolved.find((folder.path() / "sub/heat.txt").string()), std::string::npos)
+  EXPECT_HAS(scene.resolved, (folder.path() / "sub/heat.txt").string())
       << "a data file is named from the root";
   EXPECT_EQ(scene.belief.force->compliance.joints.size(), 1u);
   EXPECT_EQ(scene.belief.identified->elements.size(), 3u);

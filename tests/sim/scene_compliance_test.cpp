@@ -1,10 +1,3 @@
-#include <cmath>
-#include <iostream>
-#include <random>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
 #include "sim/scene/compliance.h"
 #include "sim/scene/fields.h"
 #include "sim/scene/scene.h"
@@ -13,6 +6,7 @@
 #include "tests/sim/refusal.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/written_section.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
@@ -133,7 +127,7 @@ youngs_modulus_GPa = 210
 )");
   ASSERT_EQ(bar.input_errors, "");
   const auto& b = std::get<errors::WorkpieceBar>(*bar.compliance.workpiece);
-  EXPECT_EQ(b.direction_w, Eigen::Vector3d::UnitX());
+  EXPECT_EQ(b.direction_w, Vector3d::UnitX());
   EXPECT_NEAR(b.second_moment, pi * 390625.0 / 64.0, 1e-9);
   EXPECT_EQ(b.youngs_modulus, 210e3);
   const ReadCompliance plate = read_with_faults(R"(
@@ -147,7 +141,7 @@ youngs_modulus_GPa = 70
 )");
   ASSERT_EQ(plate.input_errors, "");
   const auto& p = std::get<errors::WorkpiecePlate>(*plate.compliance.workpiece);
-  EXPECT_EQ(p.up_w, Eigen::Vector3d::UnitZ());
+  EXPECT_EQ(p.up_w, Vector3d::UnitZ());
   EXPECT_EQ(p.poisson_ratio, 0.33);
   const ReadCompliance moment = read_with_faults(
       "workpiece = { kind = \"bar\", length_mm = 10, second_moment_mm4 = 5, "
@@ -176,8 +170,8 @@ MX_Nm = 2
   ASSERT_EQ(r.input_errors, "");
   ASSERT_EQ(r.compliance.masses.size(), 2u);
   EXPECT_EQ(r.compliance.masses[0].axis, 'Z');
-  EXPECT_EQ(r.compliance.masses[0].centre_b, Eigen::Vector3d(0, 10, 300));
-  EXPECT_EQ(*r.compliance.gravity_b, Eigen::Vector3d(0, 0, -9806.65));
+  EXPECT_EQ(r.compliance.masses[0].centre_b, Vector3d(0, 10, 300));
+  EXPECT_EQ(*r.compliance.gravity_b, Vector3d(0, 0, -9806.65));
   EXPECT_TRUE(r.compliance.inertia);
   EXPECT_EQ(r.compliance.clamping_w[2], -500.0);
   EXPECT_EQ(r.compliance.clamping_w[3], 2000.0);
@@ -313,13 +307,11 @@ thickness_mm = 3.0
 youngs_modulus_GPa = 70.0
 poisson_ratio = 0.3
 )";
-  EXPECT_NE(compliance_again("[workpiece]\n" + plate).find("[workpiece]\n" + plate),
-            std::string::npos);
+  EXPECT_HAS(compliance_again("[workpiece]\n" + plate), "[workpiece]\n" + plate);
   const SceneFolder folder;
   const std::string field =
       "kind = \"field\"\nfile = \"" + folder.write("wall.csv", field_csv).string() + "\"\n";
-  EXPECT_NE(compliance_again("[workpiece]\n" + field).find("[workpiece]\n" + field),
-            std::string::npos);
+  EXPECT_HAS(compliance_again("[workpiece]\n" + field), "[workpiece]\n" + field);
 }
 
 TEST(SceneCompliance, StiffnessesAreWrittenAsTheirMatrix) {

@@ -1,8 +1,7 @@
 #pragma once
 
-#include <string>
-
 #include "sim/scene/scene_fields.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 

@@ -1,14 +1,7 @@
 #pragma once
 
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <random>
-#include <string>
-
-#include <gtest/gtest.h>
-
 #include "sim/scene/read_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 
@@ -16,38 +9,36 @@ namespace abbe::sim {
 class SceneFolder {
  public:
   SceneFolder() {
-    path_ = std::filesystem::temp_directory_path() /
-            ("abbe_scene_" + std::to_string(std::random_device{}()));
-    std::filesystem::create_directories(path_);
+    path_ = fs::temp_directory_path() / ("abbe_scene_" + std::to_string(std::random_device{}()));
+    fs::create_directories(path_);
   }
   ~SceneFolder() {
     std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
+    fs::remove_all(path_, ignored);
   }
   SceneFolder(const SceneFolder&) = delete;
   SceneFolder& operator=(const SceneFolder&) = delete;
 
-  std::filesystem::path write(const std::string& name, const std::string& text) const {
-    const std::filesystem::path file = path_ / name;
-    std::filesystem::create_directories(file.parent_path());
+  fs::path write(const std::string& name, const std::string& text) const {
+    const fs::path file = path_ / name;
+    fs::create_directories(file.parent_path());
     std::ofstream(file, std::ios::binary) << text;
     return file;
   }
-  const std::filesystem::path& path() const { return path_; }
+  const fs::path& path() const { return path_; }
 
  private:
-  std::filesystem::path path_;
+  fs::path path_;
 };
 
 /// What is in a file; empty if there is none.
-inline std::string bytes(const std::filesystem::path& file) {
+inline std::string bytes(const fs::path& file) {
   std::ifstream in(file, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
 /// Faults of a scene as one text; empty if it reads.
-inline std::string faults_of(const std::filesystem::path& file,
-                             const std::vector<Override>& overrides = {}) {
+inline std::string faults_of(const fs::path& file, const std::vector<Override>& overrides = {}) {
   try {
     read_scene(file, overrides);
     return {};

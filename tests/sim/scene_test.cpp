@@ -1,23 +1,13 @@
 #include "sim/scene/read_scene.h"
-
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
 #include "tests/errors/location_net.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/scene_fingerprint.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/small_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
-
-using namespace literals;
-namespace fs = std::filesystem;
 
 /// The smallest whole scene: line numbers of the tests below count here.
 const std::string small_scene = R"([machine]
@@ -69,7 +59,7 @@ TEST(Scene, SmallSceneIsReadInInternalUnits) {
   EXPECT_EQ(scene.machine.joints[4].max, 110 * units::deg);
   EXPECT_EQ(scene.machine.joints[1].min, -300.0);
   EXPECT_EQ(scene.machine.joints[5].motion, kinematics::Motion::Spindle);
-  EXPECT_EQ(scene.machine.T_bs.translation(), Eigen::Vector3d(0, 0, 50));
+  EXPECT_EQ(scene.machine.T_bs.translation(), Vector3d(0, 0, 50));
   ASSERT_EQ(scene.geometric.elements.size(), 2u);
   const auto value = [&](int i) {
     return std::get<errors::Constant>(scene.geometric.elements[std::size_t(i)].curves[0].shape)
@@ -182,7 +172,7 @@ TEST(Scene, AllFaultsAreToldAtOnce) {
     EXPECT_EQ(bad.input_errors.size(), 5u) << bad.what();
     const std::string all = bad.what();
     for (const char* place : {":10:10:", ":14:13:", ":15:1:", ":22:1:", ":23:19:"}) {
-      EXPECT_NE(all.find(std::string("s.toml") + place), std::string::npos) << place << "\n" << all;
+      EXPECT_HAS(all, std::string("s.toml") + place) << place;
     }
   }
 }
@@ -208,9 +198,7 @@ TEST(Scene, CrlfAndByteOrderMarkAreTaken) {
 TEST(Scene, MissingFilesAreNamedWhereTheyAreAskedFor) {
   const SceneFolder folder;
   const std::string none = faults_of(folder.path() / "none.toml");
-  EXPECT_NE(none.find("none.toml: expected a file that can be read, seen no such file"),
-            std::string::npos)
-      << none;
+  EXPECT_HAS(none, "none.toml: expected a file that can be read, seen no such file");
   const fs::path file = folder.write(
       "s.toml", "tool = \"no.toml\"\nerrors = [\"a.toml\"]\n" +
                     with(small_scene,
@@ -222,7 +210,7 @@ TEST(Scene, MissingFilesAreNamedWhereTheyAreAskedFor) {
        {"s.toml:1:8: expected a file that can be read, or a library name: library:",
         "s.toml:2:11: expected a file that can be read, or a library name: library:",
         "/no.toml; names are relative", "/a.toml"})
-    EXPECT_NE(input_errors.find(expected), std::string::npos) << expected << " in " << input_errors;
+    EXPECT_HAS(input_errors, expected);
   EXPECT_EQ(std::count(input_errors.begin(), input_errors.end(), '\n'), 1) << input_errors;
 }
 
@@ -234,27 +222,23 @@ TEST(Scene, FaultsInASubFileNameThatFile) {
   text = with(
       text, "[tool]\nkind = \"ball\"\nradius_mm = 5\nflank_length_mm = 20\nlength_mm = 100\n", "");
   const std::string input_errors = faults_of(folder.write("s.toml", text));
-  EXPECT_NE(input_errors.find(
-                "t/ball.toml:4:1: expected a known key (nearest: tool.length_mm), seen lengt_mm"),
-            std::string::npos)
-      << input_errors;
+  EXPECT_HAS(input_errors,
+             "t/ball.toml:4:1: expected a known key (nearest: tool.length_mm), seen lengt_mm");
 }
 
 TEST(Scene, TooLargeAndTooDeepTextsAreRefused) {
   const SceneFolder folder;
   const std::string large = faults_of(folder.write("l.toml", std::string((16u << 20) + 1, '#')));
-  EXPECT_NE(large.find("expected at most 16 MiB, seen 16777217 bytes"), std::string::npos) << large;
+  EXPECT_HAS(large, "expected at most 16 MiB, seen 16777217 bytes");
   const std::string brackets = faults_of(folder.write("b.toml", "x = " + std::string(100000, '[')));
   EXPECT_FALSE(brackets.empty());
   std::string dotted = "a";
   for (int i = 0; i < 200000; ++i) dotted += ".a";
-  EXPECT_NE(
-      faults_of(folder.write("d.toml", dotted + " = 1\n")).find("a key of at most 100 components"),
-      std::string::npos);
+  EXPECT_HAS(faults_of(folder.write("d.toml", dotted + " = 1\n")),
+             "a key of at most 100 components");
   std::string nested = "a";
   for (int i = 0; i < 300; ++i) nested += ".a";
-  EXPECT_NE(faults_of(folder.write("n.toml", nested + " = 1\n")).find("at most 100 levels"),
-            std::string::npos);
+  EXPECT_HAS(faults_of(folder.write("n.toml", nested + " = 1\n")), "at most 100 levels");
 }
 
 TEST(Scene, ManyFaultsAreCutOffAtTwoHundred) {
@@ -270,17 +254,14 @@ TEST(Scene, ManyFaultsAreCutOffAtTwoHundred) {
 }
 
 TEST(Scene, ElementThatTheMachineCannotHaveIsRefusedWhereItStands) {
-  EXPECT_NE(faults_with("EXX_um", "EXB_um")
-                .find("s.toml:10:1: expected an element that fits the machine"),
-            std::string::npos)
-      << faults_with("EXX_um", "EXB_um");
-  EXPECT_NE(faults_with("EC0Y_urad", "EB0Y_urad").find("s.toml:11:1:"), std::string::npos);
+  EXPECT_HAS(faults_with("EXX_um", "EXB_um"),
+             "s.toml:10:1: expected an element that fits the machine");
+  EXPECT_HAS(faults_with("EC0Y_urad", "EB0Y_urad"), "s.toml:11:1:");
   EXPECT_EQ(
       faults_with("EC0Y_urad = 30", "C0Y_urad = 30\nEC0Y_urad = 3"),
       "s.toml:12:1: expected each element once (all its curves in one list), seen EC0Y again");
-  EXPECT_NE(faults_with("EC0Y_urad = 30", "EC0Y = { kind = \"backlash\", half_urad = 3 }")
-                .find("s.toml:11:1:"),
-            std::string::npos);
+  EXPECT_HAS(faults_with("EC0Y_urad = 30", "EC0Y = { kind = \"backlash\", half_urad = 3 }"),
+             "s.toml:11:1:");
 }
 
 TEST(Scene, EveryKindOfCurveIsRead) {
@@ -351,11 +332,10 @@ EXY = { kind = "table", q_mm = [0, 50, 100], value_um = [1, 6, 11], detrend = "e
 EYX = { kind = "table", q_mm = [0, 50, 100], value_um = [1, 6, 11], detrend = "ends" })");
   ASSERT_EQ(primary.geometric.elements.size(), 3u);
   EXPECT_EQ(errors::to_string(primary.geometric.elements[2].name), "EC0Y");
-  EXPECT_NE(
-      faults_with("EXX_um = 5.0",
-                  "EXX = { kind = \"table\", q_mm = [0, 9], value_um = [0, 1], detrend = \"lsq\" }")
-          .find("detrend for a straightness of a slide only, seen EXX"),
-      std::string::npos);
+  EXPECT_HAS(faults_with(
+                 "EXX_um = 5.0",
+                 "EXX = { kind = \"table\", q_mm = [0, 9], value_um = [0, 1], detrend = \"lsq\" }"),
+             "detrend for a straightness of a slide only, seen EXX");
 }
 
 /// How far the angle between the directions of travel of X and Y is from square, from poses.
@@ -429,11 +409,11 @@ TEST(Scene, WholeTableIsBound) {
   EXPECT_EQ(std::get<errors::Table>(column.geometric.elements[0].curves[0].shape).value[1], 0.002);
   const std::string none = faults_of(folder.write(
       "u.toml", with(small_scene, "EXX_um = 5.0", "tables = [{ file = \"laser2.csv\" }]")));
-  EXPECT_NE(none.find("u.toml:10:"), std::string::npos) << none;
+  EXPECT_HAS(none, "u.toml:10:");
   folder.write("bad.csv", "X EXX\n0 0\n1 abc\n");
   const std::string bad = faults_of(folder.write(
       "v.toml", with(small_scene, "EXX_um = 5.0", "tables = [{ file = \"bad.csv\" }]")));
-  EXPECT_NE(bad.find("bad.csv:3:3:"), std::string::npos) << bad;
+  EXPECT_HAS(bad, "bad.csv:3:3:");
 }
 
 TEST(Scene, SeveralErrorFilesAddUp) {
@@ -536,38 +516,32 @@ TEST(Scene, VariantsAreReadAndTriedAtOnce) {
   EXPECT_EQ(faults_with("generator = \"raster\"\n",
                         with(variant, "\"errors.scale\" = 2.0", "\"errors.scael\" = 2.0")),
             "s.toml:24:26: expected a known key (nearest: errors.scale), seen scael");
-  EXPECT_NE(faults_with("generator = \"raster\"\n", with(variant, "\"warm\"", "\"../warm\""))
-                .find("s.toml:23:8:"),
-            std::string::npos);
-  EXPECT_NE(faults_with("generator = \"raster\"\n", with(variant, "\"warm\"", "\"error_free\""))
-                .find("again"),
-            std::string::npos);
+  EXPECT_HAS(faults_with("generator = \"raster\"\n", with(variant, "\"warm\"", "\"../warm\"")),
+             "s.toml:23:8:");
+  EXPECT_HAS(faults_with("generator = \"raster\"\n", with(variant, "\"warm\"", "\"error_free\"")),
+             "again");
 }
 
 TEST(Scene, PlacesTurnExactlyByRightAngles) {
   const Scene scene =
       read_with("radius_mm = 10\n", "radius_mm = 10\nat_mm = [1, 2, 3]\nturn_deg = [0, 90, 0]\n");
-  EXPECT_EQ(scene.part.T_wm.linear() * Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitX());
-  EXPECT_EQ(scene.part.T_wm.translation(), Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(scene.part.T_wm.linear() * Vector3d::UnitZ(), Vector3d::UnitX());
+  EXPECT_EQ(scene.part.T_wm.translation(), Vector3d(1, 2, 3));
   const Scene tilted = read_with("radius_mm = 10\n", "radius_mm = 10\nturn_deg = [30, 0, 0]\n");
   // By hand: +30 degrees about X carry +y up.
-  const Eigen::Vector3d y = tilted.part.T_wm.linear() * Eigen::Vector3d::UnitY();
-  EXPECT_LT((y - Eigen::Vector3d(0, std::sqrt(0.75), 0.5)).norm(), 1e-15);
+  const Vector3d y = tilted.part.T_wm.linear() * Vector3d::UnitY();
+  EXPECT_LT((y - Vector3d(0, std::sqrt(0.75), 0.5)).norm(), 1e-15);
 }
 
 TEST(Scene, PartsThatCannotBeAreRefused) {
-  EXPECT_NE(faults_with("surface = \"disc\"\nradius_mm = 10",
-                        "surface = \"sphere_cap\"\nradius_mm = 10\nrim_radius_mm = 11")
-                .find("s.toml:18:11: expected a valid surface"),
-            std::string::npos);
-  EXPECT_NE(
+  EXPECT_HAS(faults_with("surface = \"disc\"\nradius_mm = 10",
+                         "surface = \"sphere_cap\"\nradius_mm = 10\nrim_radius_mm = 11"),
+             "s.toml:18:11: expected a valid surface");
+  EXPECT_HAS(
       faults_with("surface = \"disc\"\nradius_mm = 10",
-                  "surface = \"cone\"\nbase_radius_mm = 10\nheight_mm = 11\nhalf_apex_deg = 60")
-          .find("s.toml:18:11:"),
-      std::string::npos);
-  EXPECT_NE(
-      faults_with("surface = \"disc\"\nradius_mm = 10", "file = \"none.stl\"").find("no file"),
-      std::string::npos);
+                  "surface = \"cone\"\nbase_radius_mm = 10\nheight_mm = 11\nhalf_apex_deg = 60"),
+      "s.toml:18:11:");
+  EXPECT_HAS(faults_with("surface = \"disc\"\nradius_mm = 10", "file = \"none.stl\""), "no file");
 }
 
 TEST(Scene, ToolPartAndProgramMustFitEachOther) {
@@ -576,10 +550,9 @@ TEST(Scene, ToolPartAndProgramMustFitEachOther) {
   EXPECT_EQ(faults_with("generator = \"raster\"",
                         "generator = \"spiral\"\nspeed_rpm = 100\nfeed_um_per_rev = 5"),
             "s.toml:21:13: expected a turning tool for this generator, seen \"spiral\"");
-  EXPECT_NE(faults_with("kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 20",
-                        "kind = \"nose\"\nradius_mm = 5")
-                .find("expected a milling cutter, or a machine with the spindle S'"),
-            std::string::npos);
+  EXPECT_HAS(faults_with("kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 20",
+                         "kind = \"nose\"\nradius_mm = 5"),
+             "expected a milling cutter, or a machine with the spindle S'");
 }
 
 TEST(Scene, ToolMayReallyBeOtherThanItIsBelieved) {
@@ -614,7 +587,7 @@ cases = ["perfect-iterated-ideal", "perfect-position-program"]
   EXPECT_EQ(scene.control.joints[0].point_b.x(), 0.01);
   EXPECT_EQ(scene.machine.joints[0].point_b.x(), 0.0);
   ASSERT_EQ(scene.datum.touches.size(), 1u);
-  EXPECT_EQ(scene.datum.touches[0].direction_w, -Eigen::Vector3d::UnitZ());
+  EXPECT_EQ(scene.datum.touches[0].direction_w, -Vector3d::UnitZ());
   EXPECT_EQ(scene.cases[1].channel, CaseDescription::Channel::Program);
 }
 
@@ -627,14 +600,11 @@ TEST(Scene, CaseNamesAreReadTokenByToken) {
         "perfect-iteratd-ideal", "perfect-iterated-pulse", "--"}) {
     EXPECT_THROW(parse_case(bad), std::invalid_argument) << bad;
   }
-  try {
-    parse_case("perfect-iterated-pulse");
-    FAIL();
-  } catch (const std::invalid_argument& fault) {
-    EXPECT_STREQ(fault.what(),
-                 "expected a channel (ideal, program, pulses, open, origin, table, piezo), "
-                 "seen \"pulse\" (nearest: \"pulses\")");
-  }
+  const std::string said =
+      thrown_text<std::invalid_argument>([&] { parse_case("perfect-iterated-pulse"); });
+  EXPECT_EQ(said,
+            "expected a channel (ideal, program, pulses, open, origin, table, piezo), "
+            "seen \"pulse\" (nearest: \"pulses\")");
 }
 
 class PackagedScene : public testing::TestWithParam<std::string> {};
@@ -703,9 +673,8 @@ TEST(Scene, InputsThatOnceBrokeAReaderAreRefusedWithTheirPlace) {
     if (entry.path().extension() != ".toml") continue;
     ++tried;
     const std::string input_errors = faults_of(entry.path());
-    EXPECT_NE(input_errors.find("expected "), std::string::npos) << entry.path();
-    EXPECT_NE(input_errors.find(entry.path().filename().string()), std::string::npos)
-        << entry.path();
+    EXPECT_HAS(input_errors, "expected ") << entry.path();
+    EXPECT_HAS(input_errors, entry.path().filename().string()) << entry.path();
   }
   EXPECT_GE(tried, 8);
 }

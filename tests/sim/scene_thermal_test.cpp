@@ -1,12 +1,3 @@
-#include <cmath>
-#include <iostream>
-#include <string>
-#include <tuple>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
 #include "sim/scene/fields.h"
 #include "sim/scene/scene.h"
 #include "sim/scene/table_reader.h"
@@ -14,6 +5,7 @@
 #include "tests/sim/gantry.h"
 #include "tests/sim/listed_keys.h"
 #include "tests/sim/refusal.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
@@ -104,7 +96,7 @@ share = 0.1
   ASSERT_EQ(network.nodes.size(), 2u);
   EXPECT_EQ(network.nodes[1].name, "bed");
   EXPECT_EQ(network.nodes[1].capacity_J_per_K, 6e5);
-  EXPECT_EQ(network.start_T_C, Eigen::Vector2d(22, 19.5));
+  EXPECT_EQ(network.start_T_C, Vector2d(22, 19.5));
   EXPECT_EQ(thermal.errors.reference_T_C, 21.0);
   ASSERT_EQ(network.links.size(), 1u);
   EXPECT_EQ(network.links[0].a, 0);
@@ -181,7 +173,7 @@ slope = { node = "bed", dT_K = [-5, 5], value_um_per_m = [-50, 60] }
   EXPECT_NEAR(eby.slope.terms.at(0).per_K, 0.25e-9, 1e-22);
   const auto& table = thermal.errors.elements[3].offset.terms.at(0).table;
   ASSERT_TRUE(table);
-  EXPECT_EQ(table->q, Eigen::Vector3d(0, 10, 40));
+  EXPECT_EQ(table->q, Vector3d(0, 10, 40));
   EXPECT_NEAR(table->value[2], 20e-3, 1e-17);
   EXPECT_EQ(table->outside, errors::TableExtrapolation::Hold);
   EXPECT_EQ(table->between, errors::TableInterpolation::Spline);
@@ -213,7 +205,7 @@ fixed_mm = [1, 2, 3]
   EXPECT_EQ(thermal.errors.expansions[1].feedback, errors::Feedback::Scale);
   EXPECT_NEAR(thermal.errors.expansions[1].scale->per_K, 8e-6, 1e-20);
   EXPECT_NEAR(thermal.errors.workpiece->per_K, 23.8e-6, 1e-20);
-  EXPECT_EQ(thermal.errors.workpiece->fixed_w, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(thermal.errors.workpiece->fixed_w, Vector3d(1, 2, 3));
 }
 
 TEST(SceneThermal, HistoryRoomAndSensorsAreRead) {
@@ -244,8 +236,8 @@ name = "T2"
 node = "spindle"
 seed = 42
 )");
-  EXPECT_EQ(thermal.room_time_s, Eigen::Vector3d(-8, 0, 2) * 3600);
-  EXPECT_EQ(thermal.room_T_C, Eigen::Vector3d(18, 21, 22.5));
+  EXPECT_EQ(thermal.room_time_s, Vector3d(-8, 0, 2) * 3600);
+  EXPECT_EQ(thermal.room_T_C, Vector3d(18, 21, 22.5));
   ASSERT_EQ(thermal.history.size(), 2u);
   const ThermalPhase& warm_up = thermal.history[0];
   EXPECT_EQ(warm_up.duration, 10800.0);
@@ -401,7 +393,7 @@ range_deg = [-90, 90]
         "viscous_Nm_s = 3.0", "share = 0.25", "minus = \"spindle\"", "value_um_per_m = [",
         "feedback = \"scale\"", "um_per_m_K = 24", "sampling_s = 5.0",
         "seed = ", "duration_s = 10800.0", "A = 180", "range_deg = [-90"}) {
-    EXPECT_NE(once.find(part), std::string::npos) << part << " in\n" << once;
+    EXPECT_HAS(once, part);
   }
 }
 
@@ -441,27 +433,22 @@ TEST(SceneThermal, ANonsenseNetworkIsRefusedWhereItStands) {
       "coolant\n");
   EXPECT_EQ(thermal_faults(thermal_with("\"spindle\", \"bed\"", "\"spindle\"")),
             "t:11:11: expected two names for thermal.link.between, seen an array of 1\n");
-  EXPECT_NE(thermal_faults(thermal_with("= 25", "= 0"))
-                .find("thermal.link.conductance_W_per_K > 0, seen 0"),
-            std::string::npos);
-  EXPECT_NE(thermal_faults(thermal_with("\"bed\"\ncap", "\"spindle\"\ncap"))
-                .find("t:7:8: expected each node once"),
-            std::string::npos);
-  EXPECT_NE(thermal_faults(thermal_with("name = \"bed\"", "name = \"room\""))
-                .find("t:7:8: expected a node name other than room or coolant"),
-            std::string::npos);
+  EXPECT_HAS(thermal_faults(thermal_with("= 25", "= 0")),
+             "thermal.link.conductance_W_per_K > 0, seen 0");
+  EXPECT_HAS(thermal_faults(thermal_with("\"bed\"\ncap", "\"spindle\"\ncap")),
+             "t:7:8: expected each node once");
+  EXPECT_HAS(thermal_faults(thermal_with("name = \"bed\"", "name = \"room\"")),
+             "t:7:8: expected a node name other than room or coolant");
   EXPECT_EQ(thermal_faults("start_C = 20\n"),
             "t:1:1: expected a list of tables for thermal.node, seen nothing\n");
-  EXPECT_NE(
-      thermal_faults(thermal_with("8000", "5e-324")).find("capacity_J_per_K of at least 1e-12"),
-      std::string::npos);
+  EXPECT_HAS(thermal_faults(thermal_with("8000", "5e-324")), "capacity_J_per_K of at least 1e-12");
 }
 
 TEST(SceneThermal, ManyNodesAreRefusedAtOnce) {
   std::string many;
   for (int i = 0; i < 201; ++i)
     many += fmt::format("[[node]]\nname = \"n{}\"\ncapacity_J_per_K = 1\n", i);
-  EXPECT_NE(thermal_faults(many).find("expected at most 200 nodes, seen 201"), std::string::npos);
+  EXPECT_HAS(thermal_faults(many), "expected at most 200 nodes, seen 201");
 }
 
 TEST(SceneThermal, SourcesAreRefusedWhereTheyStand) {
@@ -473,23 +460,17 @@ TEST(SceneThermal, SourcesAreRefusedWhereTheyStand) {
             "t:17:8: expected a node of the thermal network for node, seen \"nut\"\n");
   EXPECT_EQ(source("power_W = 3\n"),
             "t:16:1: expected a kind of heat for thermal.source.kind, seen nothing\n");
-  EXPECT_NE(source("kind = \"motor\"\npower_W = 3\n").find("t:18:8: expected one of \"axis\""),
-            std::string::npos);
-  EXPECT_NE(source("kind = \"cutting\"\nshare = 1.2\n").find("thermal.source.share >= 0 and <= 1"),
-            std::string::npos);
-  EXPECT_NE(
-      source("kind = \"spindle\"\npower_W = 3\nat_rpm = 0\n").find("thermal.source.at_rpm > 0"),
-      std::string::npos);
+  EXPECT_HAS(source("kind = \"motor\"\npower_W = 3\n"), "t:18:8: expected one of \"axis\"");
+  EXPECT_HAS(source("kind = \"cutting\"\nshare = 1.2\n"), "thermal.source.share >= 0 and <= 1");
+  EXPECT_HAS(source("kind = \"spindle\"\npower_W = 3\nat_rpm = 0\n"), "thermal.source.at_rpm > 0");
   EXPECT_EQ(source("kind = \"axis\"\naxis = \"B\"\ncoulomb_N = 1\n"),
             "t:19:8: expected an axis of the machine, seen B\n");
-  EXPECT_NE(source("kind = \"axis\"\naxis = \"X\"\ncoulomb_Nm = 1\n")
-                .find("t:20:1: expected thermal.source.coulomb_N in N, seen coulomb_Nm in Nm"),
-            std::string::npos);
+  EXPECT_HAS(source("kind = \"axis\"\naxis = \"X\"\ncoulomb_Nm = 1\n"),
+             "t:20:1: expected thermal.source.coulomb_N in N, seen coulomb_Nm in Nm");
   EXPECT_EQ(source("kind = \"axis\"\naxis = \"X\"\n"),
             "t:16:1: expected a number, or viscous_N_s_per_mm, for thermal.source.coulomb_N, seen "
             "nothing\n");
-  EXPECT_NE(source("kind = \"power_on\"\npower_W = 3\nspeed = 2\n").find("t:20:1: "),
-            std::string::npos);
+  EXPECT_HAS(source("kind = \"power_on\"\npower_W = 3\nspeed = 2\n"), "t:20:1: ");
 }
 
 TEST(SceneThermal, ElementsAreRefusedWhereTheyStand) {
@@ -497,124 +478,92 @@ TEST(SceneThermal, ElementsAreRefusedWhereTheyStand) {
     return faults_with_more("[[element]]\n" + text);
   };
   EXPECT_EQ(element("name = \"EZS\"\noffset_um = 3\n"), "");
-  EXPECT_NE(element("name = \"EZB\"\noffset_um = 3\n")
-                .find("t:17:8: expected thermal errors that fit "
-                      "the machine, seen EZB: expected an axis"),
-            std::string::npos);
-  EXPECT_NE(
-      element("name = \"ECS\"\noffset_urad = 3\n").find("ECS: a spindle has no error element"),
-      std::string::npos);
-  EXPECT_NE(
-      element("name = \"bent\"\noffset_um = 3\n").find("t:17:8: expected the name of an element"),
-      std::string::npos);
-  EXPECT_NE(element("offset_um = 3\n").find("t:16:1: expected the name of an element"),
-            std::string::npos);
-  EXPECT_NE(element("name = \"EZS\"\noffset_urad = 3\n")
-                .find("t:18:15: expected values of EZS in um, seen offset_urad"),
-            std::string::npos);
+  EXPECT_HAS(element("name = \"EZB\"\noffset_um = 3\n"),
+             "t:17:8: expected thermal errors that fit "
+             "the machine, seen EZB: expected an axis");
+  EXPECT_HAS(element("name = \"ECS\"\noffset_urad = 3\n"), "ECS: a spindle has no error element");
+  EXPECT_HAS(element("name = \"bent\"\noffset_um = 3\n"),
+             "t:17:8: expected the name of an element");
+  EXPECT_HAS(element("offset_um = 3\n"), "t:16:1: expected the name of an element");
+  EXPECT_HAS(element("name = \"EZS\"\noffset_urad = 3\n"),
+             "t:18:15: expected values of EZS in um, seen offset_urad");
   EXPECT_EQ(element("name = \"EC0Y\"\nslope_urad_per_m = 3\n"),
             "t:18:20: expected no slope, as only error motions of slides have one, seen "
             "slope_urad_per_m\n");
-  EXPECT_NE(
-      element("name = \"ECC\"\nslope = { node = \"bed\", urad_per_m_K = 3 }\n").find("no slope"),
-      std::string::npos);
-  EXPECT_NE(element("name = \"EZS\"\noffset = { node = \"nut\", um_per_K = 3 }\n")
-                .find("t:18:19: expected a node of the thermal network for node, seen \"nut\""),
-            std::string::npos);
+  EXPECT_HAS(element("name = \"ECC\"\nslope = { node = \"bed\", urad_per_m_K = 3 }\n"), "no slope");
+  EXPECT_HAS(element("name = \"EZS\"\noffset = { node = \"nut\", um_per_K = 3 }\n"),
+             "t:18:19: expected a node of the thermal network for node, seen \"nut\"");
   EXPECT_EQ(element("name = \"EZS\"\noffset = { node = \"bed\" }\n"),
             "t:18:10: expected a number for thermal.element.EZS.offset.um_per_K, seen nothing\n");
-  EXPECT_NE(
+  EXPECT_HAS(
       element("name = \"EZS\"\noffset = { node = \"bed\", um_per_K = 1, dT_K = [0, 1], value_um = "
-              "[0, 1] }\n")
-          .find("either a table of dT_K or um_per_K"),
-      std::string::npos);
-  EXPECT_NE(
-      element("name = \"EZS\"\noffset = { node = \"bed\", dT_K = [0, 0], value_um = [0, 1] }\n")
-          .find("a table with ascending temperatures"),
-      std::string::npos);
-  EXPECT_NE(element("name = \"EZS\"\noffset = { node = \"bed\", dT_K = [0, 1], value_um = [0] }\n")
-                .find("as many values as temperatures, that is 2, seen 1"),
-            std::string::npos);
-  EXPECT_NE(element("name = \"EZS\"\n[[element]]\nname = \"EZS\"\n")
-                .find("t:19:8: expected each element once"),
-            std::string::npos);
+              "[0, 1] }\n"),
+      "either a table of dT_K or um_per_K");
+  EXPECT_HAS(
+      element("name = \"EZS\"\noffset = { node = \"bed\", dT_K = [0, 0], value_um = [0, 1] }\n"),
+      "a table with ascending temperatures");
+  EXPECT_HAS(
+      element("name = \"EZS\"\noffset = { node = \"bed\", dT_K = [0, 1], value_um = [0] }\n"),
+      "as many values as temperatures, that is 2, seen 1");
+  EXPECT_HAS(element("name = \"EZS\"\n[[element]]\nname = \"EZS\"\n"),
+             "t:19:8: expected each element once");
 }
 
 TEST(SceneThermal, GrowthIsRefusedWhereItStands) {
   const std::string screw = "screw = { node = \"bed\", um_per_m_K = 11.7 }\n";
   EXPECT_EQ(faults_with_more("[axis.X]\nfeedback = \"motor\"\n" + screw), "");
-  EXPECT_NE(faults_with_more("[axis.X]\nfeedback = \"scale\"\n" + screw)
-                .find("t:16:1: expected thermal errors that fit the machine, seen expansion of X: "
-                      "feedback from a scale requires a scale"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more("[axis.A]\nfeedback = \"motor\"\n" + screw)
-                .find("t:16:7: expected a known key"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more("[axis.X]\n" + screw)
-                .find("\"motor\", \"scale\" for thermal.axis.X.feedback, seen nothing"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more(
-                "[axis.X]\nfeedback = \"motor\"\nscrew = { node = \"bed\", um_per_K = 11.7 }\n")
-                .find("thermal.axis.X.screw.um_per_m_K"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more("[workpiece]\nnode = \"bed\"\num_per_m_K = 1e4\n")
-                .find("workpiece: expected a growth"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more("[workpiece]\nnode = \"part\"\num_per_m_K = 1\n")
-                .find("t:17:8: expected a node"),
-            std::string::npos);
+  EXPECT_HAS(faults_with_more("[axis.X]\nfeedback = \"scale\"\n" + screw),
+             "t:16:1: expected thermal errors that fit the machine, seen expansion of X: "
+             "feedback from a scale requires a scale");
+  EXPECT_HAS(faults_with_more("[axis.A]\nfeedback = \"motor\"\n" + screw),
+             "t:16:7: expected a known key");
+  EXPECT_HAS(faults_with_more("[axis.X]\n" + screw),
+             "\"motor\", \"scale\" for thermal.axis.X.feedback, seen nothing");
+  EXPECT_HAS(faults_with_more(
+                 "[axis.X]\nfeedback = \"motor\"\nscrew = { node = \"bed\", um_per_K = 11.7 }\n"),
+             "thermal.axis.X.screw.um_per_m_K");
+  EXPECT_HAS(faults_with_more("[workpiece]\nnode = \"bed\"\num_per_m_K = 1e4\n"),
+             "workpiece: expected a growth");
+  EXPECT_HAS(faults_with_more("[workpiece]\nnode = \"part\"\num_per_m_K = 1\n"),
+             "t:17:8: expected a node");
 }
 
 TEST(SceneThermal, SensorsAreRefusedByName) {
   EXPECT_EQ(faults_with_more("[[sensor]]\nname = \"T1\"\nnode = \"spindel\"\n"),
             "t:18:8: expected a node of the thermal network for node, seen \"spindel\" (nearest: "
             "\"spindle\")\n");
-  EXPECT_NE(faults_with_more("[[sensor]]\nname = \"T1\"\nnode = \"bed\"\nsampling_s = 0\n")
-                .find("t:19:14: expected thermal.sensor.T1.sampling_s"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more("[[sensor]]\nname = \"T1\"\nnode = \"bed\"\nnoise_K = -1\n")
-                .find("thermal.sensor.T1.noise_K >= 0"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more(
-                "[[sensor]]\nname = \"T1\"\nnode = \"bed\"\n[[sensor]]\nname = \"T1\"\nnode = "
-                "\"bed\"\n")
-                .find("t:20:8: expected each sensor once, seen T1 again"),
-            std::string::npos);
+  EXPECT_HAS(faults_with_more("[[sensor]]\nname = \"T1\"\nnode = \"bed\"\nsampling_s = 0\n"),
+             "t:19:14: expected thermal.sensor.T1.sampling_s");
+  EXPECT_HAS(faults_with_more("[[sensor]]\nname = \"T1\"\nnode = \"bed\"\nnoise_K = -1\n"),
+             "thermal.sensor.T1.noise_K >= 0");
+  EXPECT_HAS(faults_with_more(
+                 "[[sensor]]\nname = \"T1\"\nnode = \"bed\"\n[[sensor]]\nname = \"T1\"\nnode = "
+                 "\"bed\"\n"),
+             "t:20:8: expected each sensor once, seen T1 again");
 }
 
 TEST(SceneThermal, HistoryAndRoomAreRefusedWhereTheyStand) {
-  EXPECT_NE(faults_with_more("[[history]]\nspeed_rpm = 100\n")
-                .find("t:16:1: expected one of duration_h, duration_min, duration_s"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more("[[history]]\nduration_h = 1\nduration_s = 1\n")
-                .find("t:18:14: expected only one of duration_h"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more("[[history]]\nduration_h = 0\n")
-                .find("t:17:14: expected thermal.history.duration_h > 0"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more("[[history]]\nduration_h = 1e300\n")
-                .find("t:17:14: expected thermal.history.duration_h"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more("[[history]]\nduration_h = 1\naxis_speed_mm_per_min = { A = 3 }\n")
-                .find("t:18:27: expected a known key"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more("[[history]]\nduration_h = 1\naxis_speed_mm_per_min = { X = -3 }\n")
-                .find("thermal.history.axis_speed_mm_per_min.X >= 0"),
-            std::string::npos);
-  EXPECT_NE(thermal_faults("room_C = 20\n" + small_thermal + "[room]\ntime_h = [0]\nT_C = [20]\n")
-                .find("either room_C or a room table"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more("[room]\ntime_h = [0, 0]\nT_C = [20, 21]\n")
-                .find("t:17:10: expected ascending times"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more("[room]\ntime_h = [0, 1]\nT_C = [20]\n")
-                .find("as many temperatures as times, that is 2, seen 1"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more("[room]\ntime_h = [0]\nT_C = [-300]\n")
-                .find("t:18:7: expected temperatures of"),
-            std::string::npos);
-  EXPECT_NE(faults_with_more("[room]\nT_C = [20]\n").find("one of time_h, time_min, time_s"),
-            std::string::npos);
+  EXPECT_HAS(faults_with_more("[[history]]\nspeed_rpm = 100\n"),
+             "t:16:1: expected one of duration_h, duration_min, duration_s");
+  EXPECT_HAS(faults_with_more("[[history]]\nduration_h = 1\nduration_s = 1\n"),
+             "t:18:14: expected only one of duration_h");
+  EXPECT_HAS(faults_with_more("[[history]]\nduration_h = 0\n"),
+             "t:17:14: expected thermal.history.duration_h > 0");
+  EXPECT_HAS(faults_with_more("[[history]]\nduration_h = 1e300\n"),
+             "t:17:14: expected thermal.history.duration_h");
+  EXPECT_HAS(faults_with_more("[[history]]\nduration_h = 1\naxis_speed_mm_per_min = { A = 3 }\n"),
+             "t:18:27: expected a known key");
+  EXPECT_HAS(faults_with_more("[[history]]\nduration_h = 1\naxis_speed_mm_per_min = { X = -3 }\n"),
+             "thermal.history.axis_speed_mm_per_min.X >= 0");
+  EXPECT_HAS(thermal_faults("room_C = 20\n" + small_thermal + "[room]\ntime_h = [0]\nT_C = [20]\n"),
+             "either room_C or a room table");
+  EXPECT_HAS(faults_with_more("[room]\ntime_h = [0, 0]\nT_C = [20, 21]\n"),
+             "t:17:10: expected ascending times");
+  EXPECT_HAS(faults_with_more("[room]\ntime_h = [0, 1]\nT_C = [20]\n"),
+             "as many temperatures as times, that is 2, seen 1");
+  EXPECT_HAS(faults_with_more("[room]\ntime_h = [0]\nT_C = [-300]\n"),
+             "t:18:7: expected temperatures of");
+  EXPECT_HAS(faults_with_more("[room]\nT_C = [20]\n"), "one of time_h, time_min, time_s");
 }
 
 TEST(SceneThermal, PlotsAreReadAndRefusedWhereTheyStand) {
@@ -622,10 +571,10 @@ TEST(SceneThermal, PlotsAreReadAndRefusedWhereTheyStand) {
       thermal_of(small_thermal + "[[plot]]\nelement = \"EXX\"\nat_h = [-4, 0]\n");
   ASSERT_EQ(thermal.plots.size(), 1u);
   EXPECT_EQ(errors::to_string(thermal.plots[0].element), "EXX");
-  EXPECT_EQ(thermal.plots[0].time_s, Eigen::Vector2d(-14400, 0));
+  EXPECT_EQ(thermal.plots[0].time_s, Vector2d(-14400, 0));
   const auto refused = [](const std::string& text, const std::string& what) {
     const std::string all = faults_with_more("[[plot]]\n" + text);
-    EXPECT_NE(all.find(what), std::string::npos) << all;
+    EXPECT_HAS(all, what);
   };
   refused("element = \"EXB\"\nat_h = [0]\n", "t:17:11: expected thermal errors that fit");
   refused("element = \"EZS\"\nat_h = [0]\n", "t:17:11: expected an error motion of an axis");
@@ -677,7 +626,7 @@ TEST(SceneThermal, PlotsAreDrawnOverARangeWithinTheTravel) {
 TEST(SceneThermal, AbsurdNumbersAreRefusedWhereTheyStand) {
   const auto refused = [](const std::string& text, const std::string& what) {
     const std::string all = faults_with_more(text);
-    EXPECT_NE(all.find(what), std::string::npos) << all;
+    EXPECT_HAS(all, what);
   };
   refused("[[source]]\nnode = \"bed\"\nkind = \"power_on\"\npower_W = 1.1e7\n", "t:19:11: ");
   refused("[[source]]\nnode = \"bed\"\nkind = \"spindle\"\nat_rpm = 1\npower_W = 1e300\n",
@@ -692,14 +641,11 @@ TEST(SceneThermal, AbsurdNumbersAreRefusedWhereTheyStand) {
 }
 
 TEST(SceneThermal, UnknownKeysAreRefusedWithTheNearestKnownOne) {
-  EXPECT_NE(thermal_faults("start_c = 20\n" + small_thermal)
-                .find("t:1:1: expected a known key (nearest: thermal.start_C)"),
-            std::string::npos);
-  EXPECT_NE(thermal_faults(thermal_with("start_C = 19.5", "start_K = 292"))
-                .find("thermal.node.bed.start_C in C, seen start_K in K"),
-            std::string::npos);
-  EXPECT_NE(thermal_faults("interval_s = 0\n" + small_thermal).find("thermal.interval_s"),
-            std::string::npos);
+  EXPECT_HAS(thermal_faults("start_c = 20\n" + small_thermal),
+             "t:1:1: expected a known key (nearest: thermal.start_C)");
+  EXPECT_HAS(thermal_faults(thermal_with("start_C = 19.5", "start_K = 292")),
+             "thermal.node.bed.start_C in C, seen start_K in K");
+  EXPECT_HAS(thermal_faults("interval_s = 0\n" + small_thermal), "thermal.interval_s");
 }
 
 TEST(SceneThermal, AMachineWithFaultsOfItsOwnCausesNoOthersHere) {

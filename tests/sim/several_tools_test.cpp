@@ -1,15 +1,10 @@
-#include <algorithm>
-#include <random>
-
-#include <gtest/gtest.h>
-
 #include "cutting/stock/stock.h"
-#include "kinematics/units.h"
 #include "sim/cut/placement.h"
 #include "sim/cut/placement_suggestion.h"
 #include "sim/cut/tool_poses.h"
 #include "tests/sim/odd_scenes.h"
 #include "tests/sim/refusal.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
@@ -74,27 +69,21 @@ class SeveralTools : public testing::Test {
                     packaged("").string(), top, tools, flat_part, more))));
   }
   std::string refusal(const std::string& text) const {
-    try {
-      prepare(read_scene(folder_.write("s.toml", text)));
-      return "";
-    } catch (const BadScene& input_errors) {
-      return input_errors.what();
-    } catch (const BadInput& fault) {
-      return fault.what();
-    }
+    return thrown_text<BadScene, BadInput>(
+        [&] { prepare(read_scene(folder_.write("s.toml", text))); });
   }
   void expect_refused(const std::string& text, const std::string& words) const {
     const std::string said = refusal(text);
-    EXPECT_NE(said.find(words), std::string::npos) << "wanted " << words << " in " << said;
+    EXPECT_HAS(said, words);
   }
   SceneFolder folder_;
 };
 
 /// The least residual of maps of one design, vertex by vertex; NaN where none cuts.
-Eigen::VectorXd min_of(const std::vector<cutting::Surface>& surfaces) {
-  Eigen::VectorXd least = Eigen::VectorXd::Constant(surfaces.front().residual.size(), none);
+VectorXd min_of(const std::vector<cutting::Surface>& surfaces) {
+  VectorXd least = VectorXd::Constant(surfaces.front().residual.size(), none);
   for (const cutting::Surface& one : surfaces)
-    for (Eigen::Index i = 0; i < least.size(); ++i)
+    for (Index i = 0; i < least.size(); ++i)
       if (one.status[std::size_t(i)] == cutting::VertexStatus::Cut &&
           !(least[i] <= one.residual[i]))
         least[i] = one.residual[i];
@@ -103,7 +92,7 @@ Eigen::VectorXd min_of(const std::vector<cutting::Surface>& surfaces) {
 
 TEST_F(SeveralTools, TheOffsetOfAMovedProgramIsThatAtWhichItWasProgrammed) {
   const std::string program = passes(1, -7, 1, 0.0) + passes(2, -1, 7, 0.02);
-  const auto moved = [&](const Eigen::Vector3d& by) {
+  const auto moved = [&](const Vector3d& by) {
     std::string text = scene(listed({t1, t2}), program);
     const std::string offset = "{ Z_mm = -100 }";
     text.replace(
@@ -112,9 +101,8 @@ TEST_F(SeveralTools, TheOffsetOfAMovedProgramIsThatAtWhichItWasProgrammed) {
     return prepare(read_scene(folder_.write("s.toml", text)));
   };
   EXPECT_TRUE(placement(moved({0, 0, 0})).warnings.empty()) << "it fits already";
-  for (const Eigen::Vector3d& by :
-       {Eigen::Vector3d(0, 0, 8), Eigen::Vector3d(0, 0, -3), Eigen::Vector3d(40, 0, 0),
-        Eigen::Vector3d(0, -30, 0), Eigen::Vector3d(0, 0, 60)}) {
+  for (const Vector3d& by : {Vector3d(0, 0, 8), Vector3d(0, 0, -3), Vector3d(40, 0, 0),
+                             Vector3d(0, -30, 0), Vector3d(0, 0, 60)}) {
     const auto out = placement_suggestion(moved(by));
     ASSERT_TRUE(out) << by.transpose();
     std::cout << by.transpose() << ": " << out->words << ", " << 100.0 * out->reach.reached_fraction
@@ -146,11 +134,11 @@ TEST_F(SeveralTools, EachMoveIsCutWithItsToolAndTheLeastIsLeft) {
     const cutting::Surface together = surface(both);
     const cutting::Surface alone_1 = surface(job("[tool]\n" + t1, first, crooked));
     const cutting::Surface alone_2 = surface(job("[tool]\n" + t2, second, crooked));
-    const Eigen::VectorXd expected = min_of({alone_1, alone_2});
+    const VectorXd expected = min_of({alone_1, alone_2});
     int by_first = 0, by_second = 0;
     double largest = 0.0;
     const int second_line = 2 + int(std::ranges::count(first, '\n'));
-    for (Eigen::Index i = 0; i < expected.size(); ++i) {
+    for (Index i = 0; i < expected.size(); ++i) {
       ASSERT_EQ(together.status[std::size_t(i)], cutting::VertexStatus::Cut) << i;
       largest = std::max(largest, std::abs(together.residual[i] - expected[i]));
       const bool is_first = alone_1.residual[i] <= expected[i];
@@ -260,7 +248,7 @@ TEST_F(SeveralTools, HeatAndSignalsGoOnFromOneToTheNext) {
   EXPECT_EQ(a.signals.columns, b.signals.columns);
   // rows every 5 s; the second tool begins with one of its own
   EXPECT_NEAR(double(a.signals.rows.rows()), double(b.signals.rows.rows()), 2.0);
-  for (Eigen::Index i = 1; i < a.signals.rows.rows(); ++i)
+  for (Index i = 1; i < a.signals.rows.rows(); ++i)
     EXPECT_LE(a.signals.rows(i - 1, 0), a.signals.rows(i, 0)) << "time";
 }
 
@@ -326,7 +314,7 @@ TEST_F(SeveralTools, TheStockOfAllIsWhatEachLeaves) {
   std::uniform_real_distribution<double> across(-9.5, 9.5), up(-1.0, 0.99);
   int in_material = 0, in_air = 0;
   for (int i = 0; i < 20'000; ++i) {
-    const Eigen::Vector3d point(across(random), across(random), up(random));
+    const Vector3d point(across(random), across(random), up(random));
     const double expected =
         std::min(cutting::depth(*alone_1.stock, point), cutting::depth(*alone_2.stock, point));
     if (std::abs(expected) < 0.3) continue;  // the interpolation of depths is no intersection
@@ -444,9 +432,7 @@ TEST_F(SeveralTools, ALengthThatIsNotTheToolsIsSaid) {
   program.replace(program.find("H2"), 2, "H1");
   const Job wrong = job(listed({t1, t2}), program);
   ASSERT_FALSE(wrong.warnings.empty());
-  EXPECT_NE(wrong.warnings.front().find("T2 runs with the length H1 of G43 instead of its own"),
-            std::string::npos)
-      << wrong.warnings.front();
+  EXPECT_HAS(wrong.warnings.front(), "T2 runs with the length H1 of G43 instead of its own");
   // the tip then stands 20 mm off
   EXPECT_NEAR(wrong.stretches[1].T_wt_nominal.back().translation().z(), 60.0 + 20.0, 1e-9);
 }
@@ -456,10 +442,9 @@ TEST_F(SeveralTools, AProgramAboveThePartIsHeldAgainstItWithEveryTool) {
   const std::string high = passes(1, -7, 0, 40.0) + passes(2, 0, 7, 30.0);
   const Placement found = placement(job(listed({t1, t2}), high));
   ASSERT_TRUE(found.fault);
-  EXPECT_NE(std::string(found.fault->what())
-                .find("seen the lowest cut is 5.0 mm above the part; with G54 Z = -106 (now -100) "
-                      "it touches"),
-            std::string::npos)
+  EXPECT_HAS(std::string(found.fault->what()),
+             "seen the lowest cut is 5.0 mm above the part; with G54 Z = -106 (now -100) "
+             "it touches")
       << found.fault->what();
 }
 

@@ -1,27 +1,16 @@
 // The shafts of Yang 2012, table 1: radii before compensation and after it in two trials.
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <iostream>
-#include <random>
-#include <vector>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
-#include <Eigen/Geometry>
 #include <nlohmann/json.hpp>
-
 #include "kinematics/decompositions.h"
 #include "sim/loop/compensate.h"
 #include "sim/report/summary.h"
 #include "sim/scene/read_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
 
-using Eigen::Vector3d;  // three radii, um from 12.48 mm, in the order of the scene's rings
+// A vector holds three radii, um from 12.48 mm, in the order of the scene's rings.
 
 /// What the paper prints of a shaft. The radii of one of its three trials are lost; of that one
 /// only the spread is known.
@@ -60,8 +49,7 @@ struct Computed {
 };
 
 Computed turn(const char* name) {
-  const auto file =
-      std::filesystem::path(ABBE_SOURCE_DIR) / "scenes" / (std::string(name) + ".toml");
+  const auto file = fs::path(ABBE_SOURCE_DIR) / "scenes" / (std::string(name) + ".toml");
   const std::vector<Override> coarse{{"part.vertices", "3000"}};
   const CaseDescription open = parse_case("force-position-open");
   const Scene scene = read_scene(file, coarse);
@@ -144,13 +132,13 @@ double left_by_laws(const std::array<std::array<Vector3d, 2>, 2>& after) {
   double sum = 0.0;
   for (std::size_t trial = 0; trial < 2; ++trial) {
     Eigen::MatrixX2d A(6, 2);
-    Eigen::VectorXd b(6);
+    VectorXd b(6);
     for (int i = 0; i < 2; ++i) {
       A.block<3, 1>(3 * i, 0).setOnes();
       A.block<3, 1>(3 * i, 1) = shafts[std::size_t(i)].before;
       b.segment<3>(3 * i) = after[std::size_t(i)][trial];
     }
-    const Eigen::Vector2d fit = least_squares(A, b).x;
+    const Vector2d fit = least_squares(A, b).x;
     sum += (A * fit - b).squaredNorm();
   }
   return sum;

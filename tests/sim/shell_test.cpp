@@ -1,18 +1,10 @@
-#include <cstdlib>
-#include <fstream>
-#include <set>
-#include <sstream>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "sim/commands/command.h"
 #include "sim/commands/command_line.h"
 #include "sim/commands/help_commands.h"
 #include "sim/commands/shell_files.h"
 #include "sim/scene/read_scene.h"
 #include "tests/safety/program_run.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
@@ -108,7 +100,7 @@ TEST(Shell, WhatIsNoLineOfAbbeHasNoCompletions) {
        {"", "0", "4 run", "x run", "-1 run", "99999999999999999999"}) {
     const Ran ran = run("__complete " + arguments);
     EXPECT_EQ(ran.code, 2) << arguments;
-    EXPECT_TRUE(has_text(ran.text, "expected the index of a word")) << ran.text;
+    EXPECT_HAS(ran.text, "expected the index of a word");
   }
   EXPECT_EQ(run("__complete 1").text, run("__complete 1 ''").text);
 }
@@ -133,14 +125,14 @@ TEST(Shell, PagesOfTheManualAreCleanAndListEveryOption) {
     return shell("LC_ALL=C.UTF-8 MANWIDTH=200 man -l " + page(name) + " | col -b").text;
   };
   EXPECT_EQ(warnings(page("abbe")), "");
-  EXPECT_TRUE(has_text(shown("abbe"), "ABBE_LIBRARY"));
+  EXPECT_HAS(shown("abbe"), "ABBE_LIBRARY");
   for (const Command& command : all.commands) {
-    EXPECT_TRUE(has_text(shown("abbe"), command.name)) << command.name;
+    EXPECT_HAS(shown("abbe"), command.name) << command.name;
     EXPECT_EQ(warnings(page("abbe-" + command.name)), "") << command.name;
     const std::string text = shown("abbe-" + command.name);
     for (const std::vector<Option>& some : {command.options, command.required_choice})
       for (const Option& option : some)
-        EXPECT_TRUE(has_text(text, option.name)) << command.name << " " << option.name;
+        EXPECT_HAS(text, option.name) << command.name << " " << option.name;
   }
   const auto broken = folder.write("broken.1", ".TH A 1\n.no such request\n");
   EXPECT_NE(warnings(broken.string()), "") << "man warns of nothing";
@@ -221,9 +213,8 @@ TEST(Shell, FishCompletesCasesAndKeys) {
   EXPECT_EQ(completed_by_fish("abbe run " + dome_file + " --case perfect-d"),
             "perfect-decoupled-ideal\n");
   EXPECT_EQ(completed_by_fish("abbe run " + dome_file + " --set part.radius"), "part.radius_mm=\n");
-  EXPECT_TRUE(has_text(completed_by_fish("abbe comp"), "compare\t"));
-  EXPECT_TRUE(has_text(completed_by_fish("abbe run " ABBE_SOURCE_DIR "/scenes/gantry_d"),
-                       "gantry_dome.toml"));
+  EXPECT_HAS(completed_by_fish("abbe comp"), "compare\t");
+  EXPECT_HAS(completed_by_fish("abbe run " ABBE_SOURCE_DIR "/scenes/gantry_d"), "gantry_dome.toml");
 }
 
 TEST(Shell, ZshCompletesCasesAndKeys) {
@@ -239,7 +230,7 @@ TEST(Shell, ZshCompletesCasesAndKeys) {
                          line + ")\nCURRENT=$#words\n_abbe\n");
     return shell("zsh -f " + script.string()).text;
   };
-  EXPECT_TRUE(has_text(completed_by_zsh("compa"), "compare:"));
+  EXPECT_HAS(completed_by_zsh("compa"), "compare:");
   EXPECT_EQ(completed_by_zsh("run " + dome_file + " --case perfect-d"),
             "perfect-decoupled-ideal\n");
   EXPECT_EQ(completed_by_zsh("run " + dome_file + " --set part.radius"), "part.radius_mm=\n");
@@ -252,7 +243,7 @@ TEST(Shell, HelpKnowsTopicsAndCommands) {
   const Ran list = run("help");
   EXPECT_EQ(list.code, 0);
   for (const char* topic : {"frames", "signs", "residual", "cases", "files"}) {
-    EXPECT_TRUE(has_text(list.text, std::string("\n  ") + topic + " ")) << topic;
+    EXPECT_HAS(list.text, std::string("\n  ") + topic + " ") << topic;
     const Ran ran = run(std::string("help ") + topic);
     EXPECT_EQ(ran.code, 0) << topic;
     EXPECT_GT(lines_in(ran.text).size(), 8u) << topic;
@@ -260,11 +251,11 @@ TEST(Shell, HelpKnowsTopicsAndCommands) {
   }
   const CommandList all;
   for (const Command& command : all.commands)
-    EXPECT_TRUE(has_text(list.text, "\n  " + command.name + " ")) << command.name;
+    EXPECT_HAS(list.text, "\n  " + command.name + " ") << command.name;
   EXPECT_EQ(run("help run").text, run("run --help").text);
   const Ran wrong = run("help resid");
   EXPECT_EQ(wrong.code, 2);
-  EXPECT_TRUE(has_text(wrong.text, "(nearest: residual)")) << wrong.text;
+  EXPECT_HAS(wrong.text, "(nearest: residual)");
 }
 
 TEST(Shell, EveryWordOfACaseNameInTheHelpIsOne) {
@@ -294,10 +285,10 @@ TEST(Shell, EveryWordOfACaseNameInTheHelpIsOne) {
 TEST(Shell, QuestionsAreRefusedWithWhatTheyTake) {
   const Ran shells = run("--completion tcsh");
   EXPECT_EQ(shells.code, 2);
-  EXPECT_TRUE(has_text(shells.text, "expected one of bash, zsh, fish")) << shells.text;
+  EXPECT_HAS(shells.text, "expected one of bash, zsh, fish");
   EXPECT_EQ(run("--keys a b").code, 2);
   EXPECT_EQ(run("--completions bash").code, 2);
-  EXPECT_TRUE(has_text(run("--help").text, "--completion SHELL"));
+  EXPECT_HAS(run("--help").text, "--completion SHELL");
 }
 
 }  // namespace

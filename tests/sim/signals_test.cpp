@@ -1,23 +1,14 @@
 // signals.csv and the thermal day: what a control could read, against closed forms.
 
-#include <cmath>
-#include <iostream>
-#include <map>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
 #include "sim/cut/commands.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/signal_columns.h"
 #include "tests/sim/small_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
-
-using namespace abbe::literals;
 
 const std::vector<Override> small{{"part.vertices", "500"}, {"program.step_over_mm", "5"}};
 
@@ -25,13 +16,13 @@ TEST(Signals, TheThermalDayTellsHistoryAndProgramInTime) {
   const Job job = job_of("thermal_protocol.toml", small);
   const Signals signals = cut(job).signals;
   const auto c = columns(signals);
-  const Eigen::VectorXd& t = c.at("time_s");
+  const VectorXd& t = c.at("time_s");
   EXPECT_DOUBLE_EQ(t[0], -8 * 3600);
   EXPECT_GT(t[t.size() - 1], 0.0);
-  for (Eigen::Index i = 1; i < t.size(); ++i) ASSERT_GT(t[i], t[i - 1]);
+  for (Index i = 1; i < t.size(); ++i) ASSERT_GT(t[i], t[i - 1]);
   // the bearing is warmest at the end of a phase of work
-  const Eigen::VectorXd& bearing = c.at("T_spindle_bearing_C");
-  Eigen::Index warmest = 0;
+  const VectorXd& bearing = c.at("T_spindle_bearing_C");
+  Index warmest = 0;
   bearing.maxCoeff(&warmest);
   std::cout << "bearing " << bearing[0] << " .. " << bearing.maxCoeff() << " C at "
             << t[warmest] / 3600 << " h\n";
@@ -46,10 +37,10 @@ TEST(Signals, TheThermalDayTellsHistoryAndProgramInTime) {
 
 TEST(Signals, SpindleGrowthFollowsItsNodes) {
   const auto c = columns(cut(job_of("thermal_protocol.toml", small)).signals);
-  const Eigen::VectorXd& T_box = c.at("T_spindle_box_C");
-  const Eigen::VectorXd& T_bearing = c.at("T_spindle_bearing_C");
+  const VectorXd& T_box = c.at("T_spindle_box_C");
+  const VectorXd& T_bearing = c.at("T_spindle_bearing_C");
   double worst = 0.0;
-  for (Eigen::Index i = 0; i < T_box.size(); ++i) {
+  for (Index i = 0; i < T_box.size(); ++i) {
     const double growth = 0.5 * (T_bearing[i] - T_bearing[0]) + 1.3 * (T_box[i] - T_box[0]);
     worst = std::max(worst, std::abs(-c.at("EZS_um")[i] + c.at("EZS_um")[0] - growth));
   }
@@ -60,14 +51,14 @@ TEST(Signals, SpindleGrowthFollowsItsNodes) {
 TEST(Heat, DriftCountsFromTheDatum) {
   // an ideal datum at the touched point: the tip stands exactly there when it was found, and
   // elsewhere by what the machine drifted since
-  const Eigen::Vector3d point(40, 25, 80);
+  const Vector3d point(40, 25, 80);
   const auto found_at = [&](double time_h) {
     std::vector<Override> changes = small;
     changes.emplace_back("datum.time_h", fmt::format("{}", time_h));
     return job_of("thermal_protocol.toml", changes);
   };
-  const auto tip_off = [&](const Job& job, double time_h) -> Eigen::Vector3d {
-    const Eigen::Vector3d told_w = point + control_datum_offset(job);
+  const auto tip_off = [&](const Job& job, double time_h) -> Vector3d {
+    const Vector3d told_w = point + control_datum_offset(job);
     kinematics::AxisState state;
     state.q = slide_offset(
         job.machine.control,
@@ -94,7 +85,7 @@ TEST(Signals, TheCurrentIsThatOfTorqueAndFriction) {
                                                 {"signals.current.bandwidth_Hz", "0"}});
   const auto c = columns(cut(job).signals);
   double worst = 0.0, most = 0.0;
-  for (Eigen::Index i = 0; i < c.at("time_s").size(); ++i) {
+  for (Index i = 0; i < c.at("time_s").size(); ++i) {
     const double speed = c.at("spindle_rpm")[i];
     const double idle = speed > 0 ? 1.5 : 0.0;
     worst = std::max(
@@ -116,8 +107,8 @@ TEST(Signals, NoiseRepeatsWithTheSeedAndHasItsSize) {
                        .signals)
         .at("current_A");
   };
-  const Eigen::VectorXd quiet = current("1", "0"), one = current("1", "0.02"),
-                        again = current("1", "0.02"), other = current("2", "0.02");
+  const VectorXd quiet = current("1", "0"), one = current("1", "0.02"),
+                 again = current("1", "0.02"), other = current("2", "0.02");
   EXPECT_EQ(one, again);
   EXPECT_NE(one, other);
   const double sigma = std::sqrt((one - quiet).squaredNorm() / double(one.size()));
@@ -135,9 +126,9 @@ TEST(Signals, ABandwidthLagsByItsTimeConstant) {
   };
   const auto fast = run("0"), slow = run("0.5");
   // a first-order lag delays the area under the curve by its time constant
-  const Eigen::VectorXd& t = fast.at("time_s");
+  const VectorXd& t = fast.at("time_s");
   double area = 0.0;
-  for (Eigen::Index i = 1; i < t.size(); ++i)
+  for (Index i = 1; i < t.size(); ++i)
     area += 0.5 * (t[i] - t[i - 1]) *
             (fast.at("current_A")[i] - slow.at("current_A")[i] + fast.at("current_A")[i - 1] -
              slow.at("current_A")[i - 1]);
@@ -155,7 +146,7 @@ TEST(Signals, AnEncoderReadsTheCommandRoundedToItsResolution) {
                          {{"part.vertices", "500"}, {"signals.encoder_resolution_um", "0.5"}}))
                   .signals);
   double worst = 0.0;
-  for (Eigen::Index i = 0; i < c.at("Z_mm").size(); ++i) {
+  for (Index i = 0; i < c.at("Z_mm").size(); ++i) {
     worst = std::max(worst, std::abs(c.at("Z_mm")[i] - c.at("Z_encoder_mm")[i]));
     const double counts = c.at("Z_encoder_mm")[i] / 0.5_um;
     EXPECT_NEAR(counts, std::round(counts), 1e-6);
@@ -197,7 +188,7 @@ um_per_m_K = 23.5
   double worst = 0.0;
   const double far = std::hypot(46.0, 30.0);  // mm, the corner farthest from the fixed point
   const double expected = -80.0 * (1 - 1 / (1 + 23.5e-6 * 10));
-  for (Eigen::Index i = 0; i < cold.residual.size(); ++i)
+  for (Index i = 0; i < cold.residual.size(); ++i)
     if (std::isfinite(cold.residual[i]) && std::isfinite(hot.residual[i]))
       worst = std::max(worst, std::abs(hot.residual[i] - cold.residual[i] - expected));
   std::cout << "plane sinks by " << expected / units::um << " um, map off by " << worst / units::nm

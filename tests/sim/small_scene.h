@@ -1,30 +1,21 @@
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <filesystem>
-#include <functional>
-#include <limits>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-
 #include "sim/loop/compensate.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/scene_folder.h"
+#include "tests/test.h"
 
 /// Small versions of scenes, cut in a moment, and maps held against other maps and closed forms.
 namespace abbe::sim {
 
-inline std::filesystem::path packaged(const std::string& name) {
-  return std::filesystem::path(ABBE_SOURCE_DIR) / "scenes" / name;
+inline fs::path packaged(const std::string& name) {
+  return fs::path(ABBE_SOURCE_DIR) / "scenes" / name;
 }
 
 /// File names of all packaged scenes, in their order.
 inline std::vector<std::string> packaged_scenes() {
   std::vector<std::string> names;
-  for (const auto& entry : std::filesystem::directory_iterator(packaged("")))
+  for (const auto& entry : fs::directory_iterator(packaged("")))
     if (entry.path().extension() == ".toml") names.push_back(entry.path().filename().string());
   std::sort(names.begin(), names.end());
   return names;
@@ -83,7 +74,7 @@ inline Apart apart(const cutting::Surface& a, const cutting::Surface& b) {
     const bool in_b = b.status[i] == cutting::VertexStatus::Cut;
     if (in_a != in_b) ++d.unlike;
     if (!in_a || !in_b) continue;
-    const double by = std::abs(a.residual[Eigen::Index(i)] - b.residual[Eigen::Index(i)]);
+    const double by = std::abs(a.residual[Index(i)] - b.residual[Index(i)]);
     d.rms += by * by;
     d.max = std::max(d.max, by);
     ++d.vertices;
@@ -94,8 +85,8 @@ inline Apart apart(const cutting::Surface& a, const cutting::Surface& b) {
 
 /// A vertex that was cut, in the frame of the part.
 struct CutVertex {
-  Eigen::Vector3d p;
-  Eigen::Vector3d n;
+  Vector3d p;
+  Vector3d n;
   double residual;
 };
 
@@ -104,9 +95,9 @@ inline std::vector<CutVertex> cut_vertices(const Job& job, const cutting::Surfac
   std::vector<CutVertex> all;
   for (std::size_t i = 0; i < surface.status.size(); ++i) {
     if (surface.status[i] != cutting::VertexStatus::Cut) continue;
-    const Eigen::Index k = Eigen::Index(i);
-    all.push_back({T_mw * Eigen::Vector3d(job.design_w.vertices.row(k).transpose()),
-                   T_mw.linear() * Eigen::Vector3d(job.design_w.normals.row(k).transpose()),
+    const Index k = Index(i);
+    all.push_back({T_mw * Vector3d(job.design_w.vertices.row(k).transpose()),
+                   T_mw.linear() * Vector3d(job.design_w.normals.row(k).transpose()),
                    surface.residual[k]});
   }
   return all;

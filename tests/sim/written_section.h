@@ -1,10 +1,7 @@
 #pragma once
 
-#include <string>
-
-#include <gtest/gtest.h>
-
 #include "sim/scene/toml.h"
+#include "tests/test.h"
 
 /// Sections that are read from a text, and written as one.
 namespace abbe::sim {

@@ -1,16 +1,5 @@
 // Readings that were written down wrong, by every instrument: none becomes a belief in silence.
 
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <iostream>
-#include <map>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
 #include "errors/coefficients.h"
 #include "errors/curve.h"
 #include "errors/metrology/instrument.h"
@@ -22,6 +11,7 @@
 #include "sim/scene/read_scene.h"
 #include "sim/scene/toml.h"
 #include "tests/sim/measured_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim {
 namespace {
@@ -77,7 +67,7 @@ std::string with_noise(Readings r) {
     const auto& measurement = r.plan.measurements[i];
     const double noise = errors::metrology::standard_deviation(
         r.plan.set_ups[std::size_t(measurement.set_up)].channels[std::size_t(measurement.channel)]);
-    r.value[Eigen::Index(i)] += 300.0 * noise * errors::normal_deviate(99, i);
+    r.value[Index(i)] += 300.0 * noise * errors::normal_deviate(99, i);
   }
   return to_text(r);
 }
@@ -88,7 +78,7 @@ std::string with_channels_exchanged(Readings r) {
   for (std::size_t i = 0; i + 1 < r.plan.measurements.size(); ++i) {
     const auto &a = r.plan.measurements[i], &b = r.plan.measurements[i + 1];
     if (a.set_up != b.set_up || a.channel != 0 || b.channel != 1) continue;
-    std::swap(r.value[Eigen::Index(i)], r.value[Eigen::Index(i) + 1]);
+    std::swap(r.value[Index(i)], r.value[Index(i) + 1]);
     is_changed = true;
   }
   return is_changed ? to_text(r) : "";
@@ -143,10 +133,10 @@ std::map<std::string, std::pair<double, double>> numbers_of(
   std::map<std::string, std::pair<double, double>> numbers;
   const auto& belief = identified.belief;
   const auto all = errors::coefficients(belief.elements);
-  const Eigen::VectorXd values = errors::values(belief.elements);
+  const VectorXd values = errors::values(belief.elements);
   for (std::size_t i = 0; i < belief.covariance.of.size(); ++i) {
     const auto at = std::ranges::find(all, belief.covariance.of[i]) - all.begin();
-    const auto k = Eigen::Index(i);
+    const auto k = Index(i);
     numbers[errors::name_of(belief.covariance.of[i], belief.elements)] = {
         values[at], std::sqrt(belief.covariance.matrix(k, k))};
   }
@@ -180,7 +170,7 @@ struct Outcome {
   std::string text;
 };
 
-Outcome outcome_of(const std::filesystem::path& file, const IdentificationResult& clean,
+Outcome outcome_of(const fs::path& file, const IdentificationResult& clean,
                    const IdentificationOptions& options) {
   try {
     const IdentificationResult found = identified({file}, options);
@@ -194,7 +184,7 @@ Outcome outcome_of(const std::filesystem::path& file, const IdentificationResult
   }
 }
 
-Outcome outcome_of_evaluating(const std::filesystem::path& file) {
+Outcome outcome_of_evaluating(const fs::path& file) {
   try {
     const Evaluation found = evaluate_readings(file);
     return {found.warnings.empty() ? "evaluated" : "warning",
@@ -321,7 +311,7 @@ TEST(WrongReadings, ThatAreAnErrorLeaveNoBelief) {
   const IdentificationOptions options = options_in(folder, Kind::Laser);
   const std::string dead = constant(measure_machine(gantry, small_instrument(Kind::Laser)), 0.0);
   EXPECT_THROW(identify({folder.write("laser.csv", dead)}, options), BadScene);
-  EXPECT_FALSE(std::filesystem::exists(options.out));
+  EXPECT_FALSE(fs::exists(options.out));
 }
 
 // What another machine's belief holds is no belief of this one.
@@ -334,14 +324,11 @@ TEST(WrongReadings, ABeliefOfAnotherMachineIsAnInputError) {
       options);
   EXPECT_NO_THROW(
       read_scene(packaged("gantry_dome.toml"), {{"errors", "\"" + options.out.string() + "\""}}));
-  try {
+  const std::string said = thrown_text<BadScene>([&] {
     scene_of(measured_scene("", "three_axis_table"),
              {{"errors", "\"" + options.out.string() + "\""}});
-    FAIL() << "the belief of a gantry was taken for a three-axis machine";
-  } catch (const BadScene& fault) {
-    EXPECT_NE(std::string(fault.what()).find("errors of the machine"), std::string::npos)
-        << fault.what();
-  }
+  });
+  EXPECT_HAS(said, "errors of the machine");
 }
 
 }  // namespace

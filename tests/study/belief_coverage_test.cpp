@@ -1,17 +1,7 @@
 // Random machines, calibrated by virtual instruments: how often the true part lies where the study
 // of the identified belief says that it does.
 
-#include <algorithm>
-#include <cmath>
-#include <cstdlib>
-#include <iostream>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
-
 #include "errors/coefficients.h"
 #include "errors/curve.h"
 #include "errors/identification/model.h"
@@ -27,11 +17,10 @@
 #include "sim/study/influence.h"
 #include "sim/study/study_inputs.h"
 #include "tests/study/farm_runs.h"
+#include "tests/test.h"
 
 namespace abbe::sim::study {
 namespace {
-
-using Eigen::Index;
 
 /// A machine, what is cut on it, and how it is calibrated.
 struct Campaign {
@@ -40,9 +29,7 @@ struct Campaign {
   std::string instruments;  ///< TOML
 };
 
-std::string scenes_folder() {
-  return (std::filesystem::path(ABBE_SOURCE_DIR) / "scenes").string() + "/";
-}
+std::string scenes_folder() { return (fs::path(ABBE_SOURCE_DIR) / "scenes").string() + "/"; }
 
 std::string dome(const std::string& machine, double height_mm) {
   return fmt::format(
@@ -119,7 +106,7 @@ errors::identification::ModelOptions model_options() {
 errors::GeometricErrors random_machine(const kinematics::Chain& nominal, std::uint64_t seed) {
   errors::GeometricErrors machine = errors::identification::error_model(nominal, model_options());
   const auto all = errors::coefficients(machine.elements);
-  Eigen::VectorXd values = errors::values(machine.elements);
+  VectorXd values = errors::values(machine.elements);
   for (std::size_t i = 0; i < all.size(); ++i) {
     const auto held = std::ranges::find(machine.covariance.of, all[i]);
     if (held != machine.covariance.of.end()) continue;  // zero by convention
@@ -154,7 +141,7 @@ Trial trial_of(const Campaign& campaign, std::uint64_t seed, const std::string& 
   Scene scene = read_scene(file);
   scene.geometric = random_machine(make_machine(scene).nominal, seed);
   scene.seed = seed;
-  std::vector<std::filesystem::path> files;
+  std::vector<fs::path> files;
   for (const InstrumentDescription& one : scene.instruments)
     files.push_back(
         folder.write(one.instrument.name + ".csv", sim::to_text(measure_machine(scene, one))));
@@ -170,13 +157,13 @@ Trial trial_of(const Campaign& campaign, std::uint64_t seed, const std::string& 
   const PreparedConfiguration ready = prepare_configuration(study, study.configurations.front());
   const InfluenceMap influence = influence_map(study, ready);
   constexpr Index machines = 1000;
-  const Eigen::MatrixXd x =
+  const MatrixXd x =
       draw_inputs(study, points({Sampling::Sobol, int(study.inputs.size()), seed}, 0, machines));
-  const Eigen::MatrixXd figures = responses(study, ready, influence, x);
-  const Eigen::MatrixXd all = maps(influence, x);
+  const MatrixXd figures = responses(study, ready, influence, x);
+  const MatrixXd all = maps(influence, x);
   const Job job = check_placement(prepare(scene));
   const cutting::Surface truth = cut(job, uncompensated_commands(job)).surface;
-  const Eigen::VectorXd is = responses(study, job, truth, {});
+  const VectorXd is = responses(study, job, truth, {});
   Trial trial;
   for (Index r = 0; r < is.size(); ++r) {
     std::vector<double> row(figures.row(r).begin(), figures.row(r).end());
@@ -256,8 +243,8 @@ TEST(BeliefCoverage, WithoutAPriorTheBandIsTooNarrowAndSaysSo) {
   const Campaign campaign = campaigns().back();
   const BandCoverage covered = coverage_of(campaign, 20, "");
   EXPECT_LT(covered.rms, 80.0);
-  EXPECT_NE(covered.warning.find("were not identified and have no prior"), std::string::npos);
-  EXPECT_NE(covered.warning.find("the map changes with"), std::string::npos);
+  EXPECT_HAS(covered.warning, "were not identified and have no prior");
+  EXPECT_HAS(covered.warning, "the map changes with");
 }
 
 }  // namespace

@@ -1,19 +1,10 @@
 #include "sim/study/budget.h"
-
-#include <cmath>
-#include <iostream>
-#include <limits>
-#include <set>
-#include <sstream>
-
-#include <gtest/gtest.h>
-#include <unistd.h>
-
 #include "kinematics/text.h"
 #include "sim/files/output.h"
 #include "sim/study/run_study.h"
 #include "sim/study/study_text.h"
 #include "tests/study/synthetic_budget.h"
+#include "tests/test.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -223,14 +214,13 @@ TEST(BudgetMarkdown, TablesHaveOneNumberOfColumns) {
 
 TEST(BudgetMarkdown, SaysWhatDominatesWhatToSpendOnAndTheFloor) {
   const std::string text = to_markdown(compute_budget());
-  EXPECT_NE(text.find("Dominant inputs"), std::string::npos);
-  EXPECT_NE(text.find("Where to spend"), std::string::npos);
-  EXPECT_NE(text.find("Without any spread, with every input at its centre, PV is 3.20 µm"),
-            std::string::npos);
-  EXPECT_NE(text.find("| 0.30 |"), std::string::npos);  // the tightest factor
+  EXPECT_HAS(text, "Dominant inputs");
+  EXPECT_HAS(text, "Where to spend");
+  EXPECT_HAS(text, "Without any spread, with every input at its centre, PV is 3.20 µm");
+  EXPECT_HAS(text, "| 0.30 |");  // the tightest factor
   Budget b = compute_budget();
   b.configurations[0].allocation->attainable = false;
-  EXPECT_NE(to_markdown(b).find("Not attainable"), std::string::npos);
+  EXPECT_HAS(to_markdown(b), "Not attainable");
 }
 
 TEST(BudgetMarkdown, HalvingTheLeaderIsByTheRootSumSquare) {
@@ -239,17 +229,16 @@ TEST(BudgetMarkdown, HalvingTheLeaderIsByTheRootSumSquare) {
   b.configurations[0].responses[0].contributions = {{0, 0.0, 3e-3, {}, {}, {}},
                                                     {1, -4e-3, 0.0, {}, {}, {}}};
   const std::string text = to_markdown(b);
-  EXPECT_NE(text.find("Halving the spread of second would reduce the RSS of PV from 5.00 µm to "
-                      "3.61 µm"),
-            std::string::npos)
-      << text;
+  EXPECT_HAS(text,
+             "Halving the spread of second would reduce the RSS of PV from 5.00 µm to "
+             "3.61 µm");
 }
 
 TEST(BudgetMarkdown, OfABareBudgetLeavesOutWhatIsNotThere) {
   const std::string text = to_markdown(bare());
   for (const char* absent : {"P95", "Cpk", "RSS", "Sobol", "worst", "nan", "Where to spend"})
     EXPECT_EQ(text.find(absent), std::string::npos) << absent << "\n" << text;
-  EXPECT_NE(text.find("1.00"), std::string::npos);
+  EXPECT_HAS(text, "1.00");
   EXPECT_FALSE(to_markdown({}).empty());
 }
 
@@ -311,7 +300,7 @@ TEST(BudgetRanking, ParetoBarsAddUpToTheWholeAndInteractionsStandApart) {
 /// A response of which random machines alone are known.
 ResponseBudget drawn(const std::vector<double>& effects, double correlation) {
   ResponseBudget r;
-  r.values = Eigen::VectorXd::LinSpaced(1000, 5e-3, 15e-3);
+  r.values = VectorXd::LinSpaced(1000, 5e-3, 15e-3);
   r.answers = answers(r.values);
   for (std::size_t i = 0; i < effects.size(); ++i)
     r.contributions.push_back({int(i), {}, {}, {}, correlation, correlation, effects[i]});
@@ -352,24 +341,18 @@ TEST(BudgetHeadline, SaysThatNoInputDominatesOrWhichDo) {
   Budget none = budget_of_drawn({0.0, 0.006, 0.0}, -0.08);
   none.configurations[0].maps = {{1e-3, 3e-3, 0.4}, {0.65e-6, 2e-6, 0.2}, {1e-3, 3e-3, 0.4}};
   for (const std::string& text : {to_markdown(none), to_text(none)}) {
-    EXPECT_NE(text.find("no input dominates: no single contribution is statistically significant"),
-              std::string::npos)
-        << text;
+    EXPECT_HAS(text, "no input dominates: no single contribution is statistically significant");
     EXPECT_EQ(text.find("100 %"), std::string::npos) << text;
-    EXPECT_NE(text.find("the map is mostly "), std::string::npos) << text;
+    EXPECT_HAS(text, "the map is mostly ");
   }
   const std::string some = to_text(budget_of_drawn({0.05, 0.1, 0.02}, 0.1));
-  EXPECT_NE(some.find("no input dominates: the largest are E1 10 %, E0 5.0 %, E2 2.0 %, not due "
-                      "to a single input 83 %"),
-            std::string::npos)
-      << some;
+  EXPECT_HAS(some,
+             "no input dominates: the largest are E1 10 %, E0 5.0 %, E2 2.0 %, not due "
+             "to a single input 83 %");
   const std::string two = to_text(budget_of_drawn({0.2, 0.75, 0.0}, 0.0));
-  EXPECT_NE(two.find("; mostly E1 75 %, E0 20 %, not due to a single input 5.0 %"),
-            std::string::npos)
-      << two;
-  EXPECT_NE(
-      to_markdown(budget_of_drawn({0.2, 0.75, 0.0}, 0.0)).find("mostly **E1** 75 %, **E0** 20 %"),
-      std::string::npos);
+  EXPECT_HAS(two, "; mostly E1 75 %, E0 20 %, not due to a single input 5.0 %");
+  EXPECT_HAS(to_markdown(budget_of_drawn({0.2, 0.75, 0.0}, 0.0)),
+             "mostly **E1** 75 %, **E0** 20 %");
 }
 
 TEST(BudgetText, OfATerminalHasNoMarkUpAndItsColumnsStandBelowEachOther) {
@@ -385,8 +368,7 @@ TEST(BudgetText, OfATerminalHasNoMarkUpAndItsColumnsStandBelowEachOther) {
       EXPECT_LE(terminal_width(row), terminal_width(line)) << row;
   }
   EXPECT_GE(tables, 4u);
-  EXPECT_NE(to_markdown(compute_budget()).find("| input |"), std::string::npos)
-      << "the file has Markdown";
+  EXPECT_HAS(to_markdown(compute_budget()), "| input |") << "the file has Markdown";
 }
 
 TEST(BudgetUnits, EveryFigureSaysItsUnit) {
@@ -394,20 +376,18 @@ TEST(BudgetUnits, EveryFigureSaysItsUnit) {
   const auto json = to_json(b);
   EXPECT_EQ(json["inputs"][2]["unit"], "1");
   b.study.inputs[2].element = "EXX";
-  EXPECT_NE(to_markdown(b).find("| × EXX |"), std::string::npos) << "a factor names what it counts";
+  EXPECT_HAS(to_markdown(b), "| × EXX |") << "a factor names what it counts";
   for (const auto& response : json["arms"][0]["responses"])
     EXPECT_FALSE(response["unit"].get<std::string>().empty());
   const auto table = read_csv(to_csv(b));
   for (std::size_t i = 1; i < table.size(); ++i)
     EXPECT_FALSE(table[i][column(table, "input_unit")].empty());
-  b.study.sweeps = {{0, Eigen::Vector2d(0, 1)}};
-  b.sweeps = {
-      {0, {{Eigen::Vector2d(1e-3, 2e-3), Eigen::Vector2d(1e-3, 2e-3), Eigen::Vector2d(90, 91)}}}};
+  b.study.sweeps = {{0, Vector2d(0, 1)}};
+  b.sweeps = {{0, {{Vector2d(1e-3, 2e-3), Vector2d(1e-3, 2e-3), Vector2d(90, 91)}}}};
   EXPECT_EQ(to_json(b)["sweeps"][0]["units"]["pv"], "um");
   EXPECT_EQ(to_json(b)["sweeps"][0]["units"]["in_tolerance"], "%");
   const Plan plan = make_plan(b.study);
-  EXPECT_NE(cases_csv(b.study, plan, {}).find("slide 2 / 1,"), std::string::npos)
-      << cases_csv(b.study, plan, {});
+  EXPECT_HAS(cases_csv(b.study, plan, {}), "slide 2 / 1,");
 }
 
 TEST(PictureNames, AreSafeAndNeverTheSame) {
@@ -437,28 +417,27 @@ TEST(Words, LongNamesLoseTheirMiddle) {
 class BudgetPictures : public testing::Test {
  protected:
   BudgetPictures()
-      : folder_(std::filesystem::temp_directory_path() /
-                ("abbe-budget-" + std::to_string(::getpid()))) {}
-  ~BudgetPictures() override { std::filesystem::remove_all(folder_); }
+      : folder_(fs::temp_directory_path() / ("abbe-budget-" + std::to_string(::getpid()))) {}
+  ~BudgetPictures() override { fs::remove_all(folder_); }
 
   std::set<std::string> written(const Budget& budget) {
-    std::filesystem::remove_all(folder_);
+    fs::remove_all(folder_);
     write_pictures(ResultFolder(folder_, {}), budget);
     std::set<std::string> names;
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_))
+    for (const auto& entry : fs::recursive_directory_iterator(folder_))
       if (entry.path().filename() != manifest_name) names.insert(entry.path().filename().string());
     return names;
   }
 
   /// Bytes 20 to 23 of any PNG, the most significant first.
-  static int png_height(const std::filesystem::path& file) {
+  static int png_height(const fs::path& file) {
     const std::string head = read_text(file, std::size_t(1) << 24).substr(20, 4);
     int height = 0;
     for (const unsigned char byte : head) height = 256 * height + byte;
     return height;
   }
 
-  std::filesystem::path folder_;
+  fs::path folder_;
 };
 
 TEST_F(BudgetPictures, AreThoseThatTheBudgetHas) {

@@ -1,16 +1,7 @@
-#include "sim/study/sampling.h"
-
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-#include <string>
-
-#include <gtest/gtest.h>
-#include <Eigen/Core>
-
 #include "kinematics/decompositions.h"
-#include "kinematics/units.h"
 #include "sim/study/response_statistics.h"
+#include "sim/study/sampling.h"
+#include "tests/test.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -19,12 +10,7 @@ using Kind = Distribution::Kind;
 
 template <typename F>
 std::string refusal(F f) {
-  try {
-    f();
-  } catch (const std::invalid_argument& refused) {
-    return refused.what();
-  }
-  return "nothing was refused";
+  return thrown_text<std::invalid_argument>([&] { f(); }, "nothing was refused");
 }
 
 TEST(Copula, IndependentInputsAreTheirQuantilesAndNothingElse) {
@@ -33,13 +19,13 @@ TEST(Copula, IndependentInputsAreTheirQuantilesAndNothingElse) {
                                                {Kind::Uniform, -1, 0.5},
                                                {Kind::Triangular, 0, 1},
                                                {Kind::LogNormal, 1, 0.2}};
-  const Eigen::MatrixXd u = points({Sampling::Random, 5, 3}, 0, 500);
+  const MatrixXd u = points({Sampling::Random, 5, 3}, 0, 500);
   const std::vector<Correlation> none = {{0, 1, 0.0}};
   const std::vector<Correlation> others = {{0, 3, 0.5}};
-  const Eigen::MatrixXd alone = values(Copula(5, none), marginals, u);
-  const Eigen::MatrixXd beside = values(Copula(5, others), marginals, u);
-  for (Eigen::Index k = 0; k < u.cols(); ++k)
-    for (Eigen::Index i = 0; i < 5; ++i) {
+  const MatrixXd alone = values(Copula(5, none), marginals, u);
+  const MatrixXd beside = values(Copula(5, others), marginals, u);
+  for (Index k = 0; k < u.cols(); ++k)
+    for (Index i = 0; i < 5; ++i) {
       const double expected = quantile(marginals[std::size_t(i)], u(i, k));
       ASSERT_EQ(alone(i, k), expected);
       if (i != 0 && i != 3) {
@@ -58,14 +44,14 @@ struct Distance {
   double worst = 0.0;
   double rms = 0.0;  ///< about 1; of a few dependent entries hardly less open than the worst
 };
-Distance distance(const Eigen::MatrixXd& sample, const Eigen::MatrixXd& truth) {
+Distance distance(const MatrixXd& sample, const MatrixXd& truth) {
   const auto n = double(sample.cols());
-  const Eigen::MatrixXd centred = sample.colwise() - sample.rowwise().mean();
-  const Eigen::MatrixXd seen = centred * centred.transpose() / (n - 1);
+  const MatrixXd centred = sample.colwise() - sample.rowwise().mean();
+  const MatrixXd seen = centred * centred.transpose() / (n - 1);
   Distance result;
   int count = 0;
-  for (Eigen::Index i = 0; i < truth.rows(); ++i)
-    for (Eigen::Index j = 0; j <= i; ++j) {
+  for (Index i = 0; i < truth.rows(); ++i)
+    for (Index j = 0; j <= i; ++j) {
       const double band = std::sqrt((truth(i, i) * truth(j, j) + truth(i, j) * truth(i, j)) / n);
       if (band == 0.0) {
         EXPECT_EQ(seen(i, j), 0.0);
@@ -85,22 +71,21 @@ TEST(Copula, CovarianceOfCorrelatedDrawsIsWithinTheBandOfItsSample) {
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   // Any covariance of 12 numbers in mixed units, of rank 12, 5 and 1.
   for (const int rank : {12, 5, 1}) {
-    Eigen::MatrixXd root(12, rank);
-    const Eigen::MatrixXd u = points({Sampling::Random, 12, seed}, 0, rank);
-    for (Eigen::Index i = 0; i < 12; ++i)
-      for (Eigen::Index j = 0; j < rank; ++j)
-        root(i, j) = (i % 2 ? 1e-3 : 1e-6) * normal_score(u(i, j));
+    MatrixXd root(12, rank);
+    const MatrixXd u = points({Sampling::Random, 12, seed}, 0, rank);
+    for (Index i = 0; i < 12; ++i)
+      for (Index j = 0; j < rank; ++j) root(i, j) = (i % 2 ? 1e-3 : 1e-6) * normal_score(u(i, j));
     root.row(4).setZero();  // zero by convention
-    const Eigen::MatrixXd covariance = root * root.transpose();
-    const Eigen::VectorXd deviation = covariance.diagonal().cwiseSqrt();
-    Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(12, 12);
-    for (Eigen::Index i = 0; i < 12; ++i)
-      for (Eigen::Index j = 0; j < 12; ++j)
+    const MatrixXd covariance = root * root.transpose();
+    const VectorXd deviation = covariance.diagonal().cwiseSqrt();
+    MatrixXd correlation = MatrixXd::Identity(12, 12);
+    for (Index i = 0; i < 12; ++i)
+      for (Index j = 0; j < 12; ++j)
         if (i != j && deviation(i) * deviation(j) > 0.0)
           correlation(i, j) = covariance(i, j) / deviation(i) / deviation(j);
-    const Eigen::MatrixXd z =
+    const MatrixXd z =
         scores(Copula(correlation), points({Sampling::Random, 12, seed + 1}, 0, 200000));
-    const Eigen::MatrixXd draws = deviation.asDiagonal() * z;
+    const MatrixXd draws = deviation.asDiagonal() * z;
     const Distance from = distance(draws, covariance);
     std::cout << "rank " << rank << ": covariance within " << from.worst << " (rms " << from.rms
               << ") standard deviations\n";
@@ -110,12 +95,11 @@ TEST(Copula, CovarianceOfCorrelatedDrawsIsWithinTheBandOfItsSample) {
     }
     EXPECT_EQ(draws.row(4), Eigen::RowVectorXd::Zero(draws.cols()));
     // What the belief knows exactly the draws know: no part outside the range of the covariance.
-    const Eigen::MatrixXd scaled =
+    const MatrixXd scaled =
         (deviation.array() > 0).select(deviation.array().inverse(), 0.0).matrix().asDiagonal() *
         root;
-    const Eigen::MatrixXd fitted =
-        scaled * least_squares(scaled, Eigen::MatrixXd(z.leftCols(100))).x;
-    Eigen::MatrixXd left = z.leftCols(100) - fitted;
+    const MatrixXd fitted = scaled * least_squares(scaled, MatrixXd(z.leftCols(100))).x;
+    MatrixXd left = z.leftCols(100) - fitted;
     left.row(4).setZero();
     if (rank < 12) {
       EXPECT_LT(left.cwiseAbs().maxCoeff(), 1e-7) << "rank " << rank;
@@ -127,7 +111,7 @@ TEST(Copula, FullCorrelationMakesInputsOne) {
   const std::vector<Correlation> pairs = {{0, 1, 1.0}, {0, 2, -1.0}, {1, 2, -1.0}};
   const Copula copula(3, pairs);
   const std::vector<Distribution> marginals(3, {Kind::Normal, 1, 2, -3, 5});  // even about 1
-  const Eigen::MatrixXd drawn = values(copula, marginals, points({Sampling::Sobol, 3, 1}, 0, 1000));
+  const MatrixXd drawn = values(copula, marginals, points({Sampling::Sobol, 3, 1}, 0, 1000));
   EXPECT_LT((drawn.row(0) - drawn.row(1)).cwiseAbs().maxCoeff(), 1e-7);
   EXPECT_LT((drawn.row(0) + drawn.row(2)).array().abs().maxCoeff() - 2.0, 1e-7);
   EXPECT_NEAR((drawn.row(0) + drawn.row(2)).minCoeff(), 2.0, 1e-7);
@@ -139,25 +123,25 @@ TEST(Copula, MarginalsStayWhatTheyAreAndRanksCorrelate) {
   const std::vector<Correlation> pairs = {{0, 2, 0.8}, {1, 2, -0.3}};
   const std::vector<Distribution> marginals = {
       {Kind::Normal, 3, 2, 0, 4}, {Kind::Triangular, 0, 1}, {Kind::LogNormal, 1, 0.5, 0.2, 5}};
-  const Eigen::Index n = 100000;
-  const Eigen::MatrixXd drawn =
+  const Index n = 100000;
+  const MatrixXd drawn =
       values(Copula(3, pairs), marginals, points({Sampling::Random, 3, seed}, 0, n));
-  for (Eigen::Index i = 0; i < 3; ++i) {
+  for (Index i = 0; i < 3; ++i) {
     const Distribution& marginal = marginals[std::size_t(i)];
     EXPECT_GE(drawn.row(i).minCoeff(), marginal.low);
     EXPECT_LE(drawn.row(i).maxCoeff(), marginal.high);
     // Kolmogorov's distance, 1 % point 1.63
-    Eigen::VectorXd sorted = drawn.row(i).transpose();
+    VectorXd sorted = drawn.row(i).transpose();
     std::ranges::sort(sorted);
     double distance = 0.0;
-    for (Eigen::Index k = 0; k < n; ++k)
+    for (Index k = 0; k < n; ++k)
       distance = std::max(
           distance, std::abs(cumulative(marginal, sorted(k)) - (double(k) + 0.5) / double(n)));
     std::cout << "Kolmogorov " << distance * std::sqrt(double(n)) << "\n";
     EXPECT_LT(distance * std::sqrt(double(n)), 1.63);
   }
   // Spearman's of a Gaussian copula: 6/pi asin(rho/2); its band here is about 2/sqrt(n).
-  const Eigen::VectorXd rank = correlations(drawn, drawn.row(2).transpose()).rank;
+  const VectorXd rank = correlations(drawn, drawn.row(2).transpose()).rank;
   EXPECT_NEAR(rank(0), 6 / pi * std::asin(0.4), 3.0 / std::sqrt(double(n)));
   EXPECT_NEAR(rank(1), 6 / pi * std::asin(-0.15), 3.5 / std::sqrt(double(n)));
   EXPECT_NEAR(correlations(drawn, drawn.row(1).transpose()).rank(0), 0.0,
@@ -170,9 +154,9 @@ TEST(Copula, ACaseHasTheSameBitsInWhateverCompanyItIsDrawn) {
   const Copula copula(11, pairs);
   const std::vector<Distribution> marginals(11, {Kind::Normal, 1, 2, -1, 5});
   const Sequence sequence{Sampling::Sobol, 11, 8};
-  const Eigen::MatrixXd whole = values(copula, marginals, points(sequence, 0, 257));
+  const MatrixXd whole = values(copula, marginals, points(sequence, 0, 257));
   for (const auto& [first, count] : {std::pair{0, 1}, {1, 1}, {5, 2}, {64, 65}, {250, 7}, {9, 0}}) {
-    const Eigen::MatrixXd u = points(sequence, std::uint64_t(first), count);
+    const MatrixXd u = points(sequence, std::uint64_t(first), count);
     EXPECT_EQ(values(copula, marginals, u), whole.middleCols(first, count)) << first;
   }
 }
@@ -190,32 +174,30 @@ TEST(Copula, WhatNoNumbersCanBeIsRefusedWithTheWorstEigenvalue) {
   EXPECT_EQ(of({{0, 1, 1.01}}), "a correlation must be from -1 to 1, not 1.01");
   EXPECT_EQ(of({{0, 1, std::nan("")}}), "a correlation must be from -1 to 1, not nan");
   EXPECT_EQ(of({{0, 1, 0.1}, {1, 0, 0.1}}), "inputs 1 and 0 have two correlations");
-  EXPECT_NE(of({{0, 3, 0.1}}).find("not 0 and 3"), std::string::npos);
-  EXPECT_NE(of({{-1, 2, 0.1}}).find("not -1 and 2"), std::string::npos);
-  EXPECT_NE(of({{2, 2, 1}}).find("two different inputs"), std::string::npos);
+  EXPECT_HAS(of({{0, 3, 0.1}}), "not 0 and 3");
+  EXPECT_HAS(of({{-1, 2, 0.1}}), "not -1 and 2");
+  EXPECT_HAS(of({{2, 2, 1}}), "two different inputs");
 }
 
 TEST(Copula, MatricesThatAreNoneAreRefused) {
-  const auto of = [](const Eigen::MatrixXd& matrix) {
-    return refusal([&] { Copula copula(matrix); });
-  };
-  Eigen::MatrixXd matrix = Eigen::MatrixXd::Identity(3, 3);
+  const auto of = [](const MatrixXd& matrix) { return refusal([&] { Copula copula(matrix); }); };
+  MatrixXd matrix = MatrixXd::Identity(3, 3);
   EXPECT_EQ(of(matrix), "nothing was refused");
   EXPECT_EQ(of(matrix.topRows(2)), "a correlation matrix must be square");
   matrix(0, 1) = 0.5;
   EXPECT_EQ(of(matrix), "a correlation matrix must be symmetric");
   matrix(0, 1) = std::nan("");
   EXPECT_EQ(of(matrix), "a correlation is not finite");
-  EXPECT_EQ(of(2 * Eigen::MatrixXd::Identity(2, 2)),
+  EXPECT_EQ(of(2 * MatrixXd::Identity(2, 2)),
             "a correlation matrix must have ones on its diagonal, not 2");
 }
 
 TEST(Copula, NumbersOfInputsThatDifferAreRefused) {
-  const Eigen::MatrixXd u = points({Sampling::Random, 3, 1}, 0, 4);
+  const MatrixXd u = points({Sampling::Random, 3, 1}, 0, 4);
   EXPECT_THROW(scores(Copula(2), u), std::invalid_argument);
   EXPECT_THROW(values(Copula(3), std::vector<Distribution>(2), u), std::invalid_argument);
   EXPECT_THROW(Copula(-1), std::invalid_argument);
-  EXPECT_EQ(scores(Copula(0), Eigen::MatrixXd(0, 5)).cols(), 5);
+  EXPECT_EQ(scores(Copula(0), MatrixXd(0, 5)).cols(), 5);
 }
 
 }  // namespace

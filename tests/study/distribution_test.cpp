@@ -1,14 +1,6 @@
 #include "sim/study/sampling.h"
-
-#include <cmath>
-#include <iostream>
-#include <random>
-#include <string>
-
-#include <gtest/gtest.h>
-
-#include "kinematics/units.h"
 #include "tests/study/openturns.h"
+#include "tests/test.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -206,14 +198,14 @@ TEST(Distribution, AScoreHasTheSameShareBelowAsItsValue) {
 
 TEST(Distribution, ManyAtOnceAreTheSameBits) {
   AnyDistribution any(5);
-  const Eigen::VectorXd p = Eigen::VectorXd::LinSpaced(41, 0.0, 1.0);
-  const Eigen::VectorXd scores = Eigen::VectorXd::LinSpaced(41, -9.0, 9.0);
+  const VectorXd p = VectorXd::LinSpaced(41, 0.0, 1.0);
+  const VectorXd scores = VectorXd::LinSpaced(41, -9.0, 9.0);
   for (int i = 0; i < 500; ++i) {
     const Distribution d = any.next();
     if (distribution_error(d)) continue;
-    const Eigen::VectorXd values = quantiles(d, p);
-    const Eigen::VectorXd others = values_at_scores(d, scores);
-    for (Eigen::Index k = 0; k < p.size(); ++k) {
+    const VectorXd values = quantiles(d, p);
+    const VectorXd others = values_at_scores(d, scores);
+    for (Index k = 0; k < p.size(); ++k) {
       ASSERT_EQ(values(k), quantile(d, p(k))) << parameters_of(d);
       ASSERT_EQ(others(k), value_at_score(d, scores(k))) << parameters_of(d);
     }
@@ -337,7 +329,7 @@ TEST(Distribution, WhatIsNoneIsRefusedInWords) {
   const auto says = [](const Distribution& d, const std::string& text) {
     const char* fault = distribution_error(d);
     ASSERT_NE(fault, nullptr) << text;
-    EXPECT_NE(std::string(fault).find(text), std::string::npos) << fault;
+    EXPECT_HAS(std::string(fault), text) << fault;
   };
   says({Kind::Normal, 0, 0}, "a spread above 0");
   says({Kind::Normal, 0, -1}, "a spread above 0");

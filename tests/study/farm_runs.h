@@ -1,22 +1,10 @@
 #pragma once
 
-#include <chrono>
-#include <csignal>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <optional>
-#include <stdexcept>
-#include <string>
-#include <thread>
-#include <utility>
-#include <vector>
-
 #include <fcntl.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
-#include <unistd.h>
+#include <csignal>
+#include "tests/test.h"
 
 /// Folders and processes of the tests of journal, farm and Slurm.
 namespace abbe::sim::study {
@@ -25,35 +13,35 @@ namespace abbe::sim::study {
 class RunFolder {
  public:
   RunFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "abbe_study_XXXXXX").string();
+    std::string name = (fs::temp_directory_path() / "abbe_study_XXXXXX").string();
     if (::mkdtemp(name.data()) == nullptr) throw std::runtime_error("no temporary folder");
     path_ = name;
   }
   ~RunFolder() {
     std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
+    fs::remove_all(path_, ignored);
   }
   RunFolder(const RunFolder&) = delete;
   RunFolder& operator=(const RunFolder&) = delete;
 
-  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-  const std::filesystem::path& path() const { return path_; }
+  fs::path operator/(const std::string& name) const { return path_ / name; }
+  const fs::path& path() const { return path_; }
 
   /// A folder in it.
-  std::filesystem::path folder(const std::string& name) const {
-    std::filesystem::create_directories(path_ / name);
+  fs::path folder(const std::string& name) const {
+    fs::create_directories(path_ / name);
     return path_ / name;
   }
-  std::filesystem::path write(const std::string& name, const std::string& text) const {
+  fs::path write(const std::string& name, const std::string& text) const {
     std::ofstream(path_ / name, std::ios::binary) << text;
     return path_ / name;
   }
 
  private:
-  std::filesystem::path path_;
+  fs::path path_;
 };
 
-inline std::string text_of(const std::filesystem::path& file) {
+inline std::string text_of(const fs::path& file) {
   std::ifstream stream(file, std::ios::binary);
   return {std::istreambuf_iterator<char>(stream), {}};
 }
@@ -79,7 +67,7 @@ bool wait_until(const Holds& holds, double seconds) {
 /// A process that ends with this one, at the latest when it is forgotten.
 class Process {
  public:
-  Process(std::vector<std::string> words, const std::filesystem::path& log) {
+  Process(std::vector<std::string> words, const fs::path& log) {
     std::vector<char*> arguments;
     for (std::string& word : words) arguments.push_back(word.data());
     arguments.push_back(nullptr);
@@ -124,7 +112,7 @@ class Process {
   std::optional<int> code_;
 };
 
-inline int run(std::vector<std::string> words, const std::filesystem::path& log) {
+inline int run(std::vector<std::string> words, const fs::path& log) {
   return Process(std::move(words), log).exit_code();
 }
 
@@ -151,8 +139,7 @@ inline const std::string& undisturbed_table() {
 }
 
 /// The stand-in program on a study.
-inline std::vector<std::string> command(const std::filesystem::path& study,
-                                        const std::filesystem::path& out) {
+inline std::vector<std::string> command(const fs::path& study, const fs::path& out) {
   return {ABBE_FARM_PROGRAM, "study", study.string(), "--out", out.string()};
 }
 
@@ -169,7 +156,7 @@ inline std::vector<std::string> among(int ranks, std::vector<std::string> words)
 inline std::string no_ranks() {
   if (!is_installed("mpirun")) return "mpirun is not installed";
   const RunFolder folder;
-  const std::filesystem::path study = folder.write("study.txt", "cases 1\n");
+  const fs::path study = folder.write("study.txt", "cases 1\n");
   run(among(2, command(study, folder.path())), folder / "log");
   const bool without = text_of(folder / "log").find("built without MPI") != std::string::npos;
   return without ? "built without MPI" : "";

@@ -1,22 +1,13 @@
 // Days of a small gantry of two warm things, spindle box and Z screw: what a day taught holds where
 // it saw what warms, and nowhere else; drifts are those of a closed form.
 
-#include "sim/study/configuration.h"
-
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <iostream>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
 #include "cutting/map/residual.h"
-#include "kinematics/units.h"
 #include "sim/commands/calibration_commands.h"
 #include "sim/scene/read_scene.h"
+#include "sim/study/configuration.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/small_scene.h"
+#include "tests/test.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -149,7 +140,7 @@ class HistoriesOfDays : public testing::Test {
   }
 
   SceneFolder folder_;
-  std::filesystem::path scene_;
+  fs::path scene_;
 };
 
 // ---------------------------------------------------------------- what days are worth
@@ -192,7 +183,7 @@ TEST_F(HistoriesOfDays, ABeliefHoldsWhereItsDaySawWhatWarms) {
   // 40 K, of which a day of 18.75 K says nothing beyond a tenth more
   for (const std::size_t k : {4, 9}) {
     EXPECT_NEAR(reduction(k), 100.0 * 1.1 * 18.75 / 40.0, 2.0);
-    EXPECT_NE(results[k].warnings.back().find("limited"), std::string::npos);
+    EXPECT_HAS(results[k].warnings.back(), "limited");
   }
 }
 
@@ -225,7 +216,7 @@ TEST_F(HistoriesOfDays, TheBeliefIsThatOfTheFilesOfReadings) {
       if (variant.name == name) return variant.set;
     return std::vector<Override>{};
   };
-  std::vector<std::filesystem::path> files;
+  std::vector<fs::path> files;
   for (const MeasuredFile& one :
        measure(scene_, {set_of("spindle"), {}, folder_.path() / "readings"}))
     files.push_back(one.file);
@@ -262,8 +253,7 @@ TEST_F(HistoriesOfDays, RefusesWhatCannotTeachOrBeJudged) {
   const auto said = [](const Study& study) { return refusal_by([&] { histories(study); }); };
   const auto expect = [&](const Study& study, const std::vector<std::string>& words) {
     const std::string refusal = said(study);
-    for (const std::string& word : words)
-      EXPECT_NE(refusal.find(word), std::string::npos) << word << "\nsaid: " << refusal;
+    for (const std::string& word : words) EXPECT_HAS(refusal, word);
   };
   expect(study({"slides"}, {"both"}), {"days.toml", "[[instrument]]", "start_h", "\"slides\""});
   expect(study({""}, {"both"}), {"days.toml", "[thermal]", "the day of the scene"});
@@ -319,7 +309,7 @@ TEST(Histories, TablesReadBackTheSameBits) {
   EXPECT_EQ(uncompensated, first.uncompensated_rms / units::um);
   EXPECT_EQ(compensated, first.compensated_rms / units::um);
   EXPECT_EQ(reduction, *first.reduction_percent);
-  EXPECT_NE(csv.find(",\"a,b; say \"\"c\"\"\"\n30 min,,true,0,0,,\n"), std::string::npos) << csv;
+  EXPECT_HAS(csv, ",\"a,b; say \"\"c\"\"\"\n30 min,,true,0,0,,\n");
   EXPECT_EQ(to_json(std::vector<HistoryResult>{}).dump(), "[]");
   EXPECT_EQ(to_csv(std::vector<HistoryResult>{}), csv.substr(0, head));
 }

@@ -1,26 +1,13 @@
 #include "sim/study/journal.h"
-
-#include <algorithm>
-#include <bit>
-#include <chrono>
-#include <iostream>
-#include <limits>
-#include <random>
-
-#include <sys/resource.h>
-
-#include <gtest/gtest.h>
 #include <sqlite3.h>
-
-#include "kinematics/bad_input.h"
+#include <sys/resource.h>
 #include "sim/files/output.h"
 #include "tests/study/farm_runs.h"
 #include "tests/study/small_disk.h"
+#include "tests/test.h"
 
 namespace abbe::sim::study {
 namespace {
-
-namespace fs = std::filesystem;
 
 Row random_row(std::uint64_t index, std::mt19937_64& random) {
   Row row{index, std::vector<double>(random() % 9), ""};
@@ -49,12 +36,7 @@ std::vector<Row> random_rows_in_tens(std::uint64_t first, std::uint64_t last) {
 /// What is said by the one of our failures that it throws; the other kinds pass through.
 template <typename Failure, typename Act>
 std::string failure_by(const Act& act) {
-  try {
-    act();
-    return "";
-  } catch (const Failure& failure) {
-    return failure.what();
-  }
+  return thrown_text<Failure>([&] { act(); });
 }
 
 int files_in(const fs::path& folder) {
@@ -149,9 +131,7 @@ TEST(Journal, ATruncatedOneIsRefused) {
 }
 
 TEST(Journal, ADamagedOneIsRefusedUnlessTheDamageIsOutsideItsRows) {
-  const unsigned seed = 62;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(62);
   const RunFolder folder;
   const fs::path file = folder / "journal.db", damaged = folder / "damaged.db";
   const std::vector<Row> rows = random_rows(0, 300, 1);

@@ -1,14 +1,6 @@
 #pragma once
 
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
-#include <optional>
-#include <sstream>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace abbe::sim::study::oracle {
 
@@ -19,8 +11,8 @@ inline std::optional<std::vector<double>> openturns(const std::string& script,
   const std::string python = "/usr/bin/python3";
   if (std::system((python + " -c 'import openturns' 2>/dev/null").c_str()) != 0)
     return std::nullopt;
-  const std::filesystem::path name =
-      std::filesystem::path(testing::TempDir()) /
+  const fs::path name =
+      fs::path(testing::TempDir()) /
       (std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + ".py");
   {
     std::ofstream out(name);
@@ -34,7 +26,7 @@ inline std::optional<std::vector<double>> openturns(const std::string& script,
   for (char part[4096]; const auto n = std::fread(part, 1, sizeof part, pipe);)
     text.append(part, n);
   EXPECT_EQ(::pclose(pipe), 0) << "the script for OpenTURNS failed";
-  std::filesystem::remove(name);
+  fs::remove(name);
   std::vector<double> result;
   std::istringstream in(text);
   for (double number = 0.0; in >> number;) result.push_back(number);

@@ -1,19 +1,11 @@
 #include "sim/study/case_plan.h"
-
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-#include <random>
-#include <vector>
-
-#include <gtest/gtest.h>
-
+#include "sim/study/study_text.h"
 #include "tests/study/flat_machine.h"
+#include "tests/test.h"
 
 namespace abbe::sim::study {
 namespace {
 
-using Eigen::Index;
 using BlockKind = Block::Kind;
 
 /// Three inputs and every analysis.
@@ -26,11 +18,11 @@ Study whole_study() {
   study.one_at_a_time = OneAtATime{1.0};
   study.monte_carlo = MonteCarlo{100, Sampling::Sobol};
   study.sobol = SobolAnalysis{8};
-  study.sweeps = {{1, Eigen::Vector3d(-2.0, 0.0, 7.0)}, {0, Eigen::Vector2d(5.0, 6.0)}};
+  study.sweeps = {{1, Vector3d(-2.0, 0.0, 7.0)}, {0, Vector2d(5.0, 6.0)}};
   return study;
 }
 
-Eigen::MatrixXd all_inputs(const Study& study, const Plan& plan) {
+MatrixXd all_inputs(const Study& study, const Plan& plan) {
   return case_inputs(study, plan, 0, plan.cases);
 }
 
@@ -91,17 +83,17 @@ TEST(Plan, ProvesNoMoreCasesThanMonteCarloHas) {
 TEST(PlanInputs, OfBaseAndOneAtATimeAreThoseByHand) {
   const Study study = whole_study();
   const Plan plan = make_plan(study);
-  const Eigen::MatrixXd x = all_inputs(study, plan);
-  const Eigen::Vector3d centre(2.0, -1.0, 4.0);
+  const MatrixXd x = all_inputs(study, plan);
+  const Vector3d centre(2.0, -1.0, 4.0);
   EXPECT_EQ(x.col(0), centre);
   // standard deviations: of the normal its own, of the uniform half width / sqrt 3, of the
   // log-normal median exp(s^2 / 2) sqrt(exp(s^2) - 1)
   const double s2 = 0.25 * 0.25;
-  const Eigen::Vector3d sd(0.5, std::sqrt(3.0), 4.0 * std::exp(s2 / 2) * std::sqrt(std::expm1(s2)));
+  const Vector3d sd(0.5, std::sqrt(3.0), 4.0 * std::exp(s2 / 2) * std::sqrt(std::expm1(s2)));
   double worst = 0.0;
   for (Index i = 0; i < 3; ++i)
     for (const int side : {0, 1}) {
-      Eigen::Vector3d expected = centre;
+      Vector3d expected = centre;
       expected[i] += (side == 0 ? -1.0 : 1.0) * sd[i];
       worst = std::max(worst, (x.col(1 + 2 * i + side) - expected).cwiseAbs().maxCoeff());
     }
@@ -116,7 +108,7 @@ TEST(PlanInputs, OneAtATimeStayWithinTheirDistributions) {
                           {Distribution::Kind::LogNormal, 1.0, 2.0}});
   study.one_at_a_time = OneAtATime{50.0};
   const Plan plan = make_plan(study);
-  const Eigen::MatrixXd x = all_inputs(study, plan);
+  const MatrixXd x = all_inputs(study, plan);
   EXPECT_EQ(x(0, 1), -0.5);
   EXPECT_EQ(x(0, 2), 2.0);
   for (const Index i : {1, 2}) {
@@ -132,8 +124,8 @@ TEST(PlanInputs, OfMonteCarloAreTheSequenceThroughTheDistributions) {
     study.monte_carlo->sampling = sampling;
     const Plan plan = make_plan(study);
     const Block& mc = block(plan, BlockKind::MonteCarlo);
-    const Eigen::MatrixXd x = case_inputs(study, plan, mc.first, mc.first + mc.count);
-    const Eigen::MatrixXd u = points({sampling, 3, study.seed}, 0, 100);
+    const MatrixXd x = case_inputs(study, plan, mc.first, mc.first + mc.count);
+    const MatrixXd u = points({sampling, 3, study.seed}, 0, 100);
     for (Index k = 0; k < u.cols(); ++k)
       for (Index i = 0; i < 3; ++i)
         ASSERT_EQ(x(i, k), quantile(study.inputs[std::size_t(i)].distribution, u(i, k)));
@@ -152,12 +144,12 @@ TEST(PlanInputs, OfSobolAreAAndBAndAWithOneColumnOfB) {
   const Study study = whole_study();
   const Plan plan = make_plan(study);
   const Block& sobol = block(plan, BlockKind::Sobol);
-  const Eigen::MatrixXd x = case_inputs(study, plan, sobol.first, sobol.first + sobol.count);
+  const MatrixXd x = case_inputs(study, plan, sobol.first, sobol.first + sobol.count);
   for (Index point = 0; point < 8; ++point) {
-    const Eigen::Vector3d a = x.col(5 * point), b = x.col(5 * point + 1);
+    const Vector3d a = x.col(5 * point), b = x.col(5 * point + 1);
     for (Index i = 0; i < 3; ++i) {
       EXPECT_NE(a[i], b[i]);
-      Eigen::Vector3d mixed = a;
+      Vector3d mixed = a;
       mixed[i] = b[i];
       EXPECT_EQ(x.col(5 * point + 2 + i), mixed) << point << " " << i;
     }
@@ -171,8 +163,8 @@ TEST(PlanInputs, OfSweepsMoveOneInputAlone) {
   const Study study = whole_study();
   const Plan plan = make_plan(study);
   const Block& first = block(plan, BlockKind::Sweep, 0);
-  const Eigen::MatrixXd x = case_inputs(study, plan, first.first, first.first + 5);
-  Eigen::MatrixXd expected(3, 5);
+  const MatrixXd x = case_inputs(study, plan, first.first, first.first + 5);
+  MatrixXd expected(3, 5);
   expected << 2, 2, 2, 5, 6,  //
       -2, 0, 7, -1, -1,       //
       4, 4, 4, 4, 4;
@@ -204,18 +196,16 @@ TEST(PlanInputs, FollowTheCorrelations) {
   Study study = study_of(normals(2), {}, {{0, 1, 1.0}});
   study.monte_carlo = MonteCarlo{50, Sampling::Random};
   const Plan plan = make_plan(study);
-  const Eigen::MatrixXd x = case_inputs(study, plan, 1, 51);
+  const MatrixXd x = case_inputs(study, plan, 1, 51);
   EXPECT_LT((x.row(0) - x.row(1)).cwiseAbs().maxCoeff(), 1e-12);
   EXPECT_GT(x.row(0).cwiseAbs().maxCoeff(), 1.0);
 }
 
 TEST(PlanInputs, AreTheSameBitsInWhateverStretchesTheyAreAskedFor) {
-  const unsigned seed = 12;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SeededRandom random(12);
   const Study study = whole_study();
   const Plan plan = make_plan(study);
-  const Eigen::MatrixXd whole = all_inputs(study, plan);
+  const MatrixXd whole = all_inputs(study, plan);
   for (int trial = 0; trial < 200; ++trial) {
     const std::uint64_t first = random() % plan.cases;
     const std::uint64_t last = first + 1 + random() % (plan.cases - first);
@@ -254,6 +244,35 @@ TEST(PlanBatches, OfALargeStudyTakeNoTimeToFind) {
   const Plan plan = make_plan(study);
   EXPECT_EQ(make_batches(plan).size(), 1'000'001u);
   EXPECT_TRUE(case_inputs(study, plan, 999'990, 1'000'001).allFinite());
+}
+
+TEST(TextStyle, ColumnsCountWhatATerminalShows) {
+  EXPECT_EQ(terminal_width("PV, µm"), 6u);
+  EXPECT_EQ(terminal_width("误差"), 4u);
+  EXPECT_EQ(terminal_width("e\u0301"), 1u);
+  EXPECT_EQ(terminal_width("Πι"), 2u);
+  EXPECT_EQ(terminal_width(""), 0u);
+  EXPECT_EQ(terminal_width("\xff\xc3"), terminal_width("\xff\xc3")) << "what is no UTF-8 ends";
+}
+
+TEST(TextStyle, ATableOfATerminalStandsInColumns) {
+  const TextTable rows{{"input", "empty", "share"}, {{"误差 EXX", "", "41 %"}, {"x", "", "8.2 %"}}};
+  EXPECT_EQ(table(TextStyle::Terminal, rows),
+            "input     share\n"
+            "--------  -----\n"
+            "误差 EXX   41 %\n"
+            "x         8.2 %\n\n");
+  EXPECT_EQ(table(TextStyle::Markdown, rows),
+            "| input | share |\n|---|---:|\n| 误差 EXX | 41 % |\n| x | 8.2 % |\n\n");
+}
+
+TEST(TextStyle, MarkUpIsForFiles) {
+  EXPECT_EQ(user_text(TextStyle::Markdown, "a|b*"), "a\\|b\\*");
+  EXPECT_EQ(user_text(TextStyle::Terminal, "a|b*"), "a|b*");
+  EXPECT_EQ(bold_text(TextStyle::Terminal, "a"), "a");
+  EXPECT_EQ(heading(TextStyle::Terminal, 1, "dome"), "dome\n====\n\n");
+  EXPECT_EQ(heading(TextStyle::Markdown, 2, "dome"), "## dome\n\n");
+  EXPECT_EQ(warning_paragraph(TextStyle::Terminal, "take care"), "warning: take care\n\n");
 }
 
 }  // namespace

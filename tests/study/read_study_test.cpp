@@ -1,11 +1,3 @@
-#include <cmath>
-#include <cstdlib>
-#include <iostream>
-#include <limits>
-#include <random>
-
-#include <gtest/gtest.h>
-
 #include "sim/scene/read_scene.h"
 #include "sim/scene/toml.h"
 #include "sim/study/configuration.h"
@@ -13,6 +5,7 @@
 #include "tests/injured.h"
 #include "tests/sim/refusal.h"
 #include "tests/study/small_study.h"
+#include "tests/test.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -36,10 +29,8 @@ class ReadStudy : public testing::Test {
   void expect_refused(const std::string& text, const std::string& place,
                       const std::vector<std::string>& words) const {
     const std::string said = refusal(text);
-    EXPECT_NE(said.find("study.toml:" + place + ":"), std::string::npos)
-        << "wanted " << place << " in: " << said;
-    for (const std::string& word : words)
-      EXPECT_NE(said.find(word), std::string::npos) << "wanted " << word << " in: " << said;
+    EXPECT_HAS(said, "study.toml:" + place + ":") << "wanted " << place;
+    for (const std::string& word : words) EXPECT_HAS(said, word);
   }
 
   StudyFolder folder_;
@@ -124,7 +115,7 @@ TEST_F(ReadStudy, EveryKeyArrives) {
   EXPECT_EQ(study.monte_carlo->sampling, Sampling::Random);
   ASSERT_EQ(study.sweeps.size(), 2u);
   EXPECT_EQ(study.sweeps[0].input, 2);
-  EXPECT_EQ(study.sweeps[0].values, Eigen::Vector3d(1, 2, 4));
+  EXPECT_EQ(study.sweeps[0].values, Vector3d(1, 2, 4));
   EXPECT_EQ(study.sweeps[1].input, 1);
   EXPECT_EQ(study.sweeps[1].values.size(), 5);
   EXPECT_EQ(study.sweeps[1].values[1], -0.5);
@@ -150,7 +141,7 @@ TEST_F(ReadStudy, InputsActOnTheSceneAsWritten) {
       "[[input]]\npath = [\"setup.EX_um\", \"setup.EY_um\"]\nfactor = -2\nspread = 3\n"
       "[[input]]\nnumber = \"EYX[2]\"\nspread = 2\n");
   const Scene base = base_scene(study, study.configurations[0]);
-  const Scene at = scene_at(study, study.configurations[0], base, Eigen::Vector3d(3.0, 5.0, 7.0));
+  const Scene at = scene_at(study, study.configurations[0], base, Vector3d(3.0, 5.0, 7.0));
   EXPECT_DOUBLE_EQ(at.setup[0], -0.010);
   EXPECT_DOUBLE_EQ(at.setup[1], -0.010);
   const auto element = [](const Scene& scene, const std::string& name) {
@@ -163,7 +154,7 @@ TEST_F(ReadStudy, InputsActOnTheSceneAsWritten) {
     EXPECT_DOUBLE_EQ(element(at, "EXX").curves[k].scale,
                      3.0 * element(base, "EXX").curves[k].scale);
   EXPECT_EQ(element(at, "EAX").curves[0].scale, element(base, "EAX").curves[0].scale);
-  EXPECT_EQ(scene_at(study, study.configurations[0], base, Eigen::Vector3d(3.0, 5.0, 7.0)).resolved,
+  EXPECT_EQ(scene_at(study, study.configurations[0], base, Vector3d(3.0, 5.0, 7.0)).resolved,
             at.resolved);
 }
 
@@ -172,11 +163,11 @@ TEST_F(ReadStudy, WholeNumbersReachKeysThatTakeNoOthers) {
       "scene = \"scene.toml\"\nengine = \"full\"\n"
       "[[input]]\npath = \"part.vertices\"\ncentre = 300\nspread = 50\n");
   const Scene base = base_scene(study, study.configurations[0]);
-  EXPECT_EQ(scene_at(study, study.configurations[0], base, Eigen::VectorXd::Constant(1, 450.0))
-                .part.vertices,
-            450);
+  EXPECT_EQ(
+      scene_at(study, study.configurations[0], base, VectorXd::Constant(1, 450.0)).part.vertices,
+      450);
   EXPECT_NE(refusal_by([&] {
-              scene_at(study, study.configurations[0], base, Eigen::VectorXd::Constant(1, 450.5));
+              scene_at(study, study.configurations[0], base, VectorXd::Constant(1, 450.5));
             }),
             "");
 }
@@ -419,13 +410,11 @@ TEST_F(ReadStudy, RefusesTopKeysAtTheirPlace) {
     const std::string text = one.line + "\n" + three_inputs;
     if (one.place.empty()) {
       const std::string said = refusal(text);
-      for (const std::string& word : one.words)
-        EXPECT_NE(said.find(word), std::string::npos) << word << " in: " << said;
+      for (const std::string& word : one.words) EXPECT_HAS(said, word);
     } else {
       const std::string said = refusal(text);
-      EXPECT_NE(said.find("study.toml:" + one.place), std::string::npos) << said;
-      for (const std::string& word : one.words)
-        EXPECT_NE(said.find(word), std::string::npos) << word << " in: " << said;
+      EXPECT_HAS(said, "study.toml:" + one.place);
+      for (const std::string& word : one.words) EXPECT_HAS(said, word);
     }
   }
 }
@@ -465,26 +454,24 @@ TEST_F(ReadStudy, RefusesAreaInToleranceOfAPartWithoutOne) {
 TEST_F(ReadStudy, TellsEveryFaultAtOnce) {
   const std::string said = refusal("seed = -1\nproofs = 0\n" + three_inputs +
                                    "[one_at_a_time]\nstep = -1\n[monte_carlo]\ncases = 0\n");
-  for (const char* word : {"seed", "proofs", "step", "cases"})
-    EXPECT_NE(said.find(word), std::string::npos) << word << " in: " << said;
+  for (const char* word : {"seed", "proofs", "step", "cases"}) EXPECT_HAS(said, word);
 }
 
 TEST_F(ReadStudy, RefusesMissingBrokenAndCyclicScenes) {
   const auto scene = [&](const std::string& name) {
     return refusal(with(three_inputs, "scene.toml", name));
   };
-  EXPECT_NE(scene("none.toml").find("none.toml"), std::string::npos);
-  EXPECT_NE(scene("study.toml").find("study.toml"), std::string::npos) << "the study itself";
-  EXPECT_NE(scene(".").find("expected"), std::string::npos) << "a folder";
-  EXPECT_NE(scene("/dev/null").find("expected"), std::string::npos);
+  EXPECT_HAS(scene("none.toml"), "none.toml");
+  EXPECT_HAS(scene("study.toml"), "study.toml") << "the study itself";
+  EXPECT_HAS(scene("."), "expected") << "a folder";
+  EXPECT_HAS(scene("/dev/null"), "expected");
   folder_.write("broken.toml", "machine = [\n");
-  EXPECT_NE(scene("broken.toml").find("broken.toml:"), std::string::npos);
+  EXPECT_HAS(scene("broken.toml"), "broken.toml:");
   folder_.write("cycle.toml", with(small_scene(), "title", "errors = \"cycle.toml\"\ntitle"));
   EXPECT_NE(scene("cycle.toml"), "");
-  EXPECT_NE(refusal(with(three_inputs, "scene = \"scene.toml\"\n", "")).find("scene"),
-            std::string::npos);
-  EXPECT_NE(refusal(with(three_inputs, "\"scene.toml\"", "3")).find("a string"), std::string::npos);
-  EXPECT_NE(refusal("scene = \"scene.toml\"\n").find("[[input]]"), std::string::npos);
+  EXPECT_HAS(refusal(with(three_inputs, "scene = \"scene.toml\"\n", "")), "scene");
+  EXPECT_HAS(refusal(with(three_inputs, "\"scene.toml\"", "3")), "a string");
+  EXPECT_HAS(refusal("scene = \"scene.toml\"\n"), "[[input]]");
   EXPECT_NE(refusal_by([&] { read_study(folder_ / "no_study.toml"); }), "");
   EXPECT_NE(refusal_by([&] { read_study(folder_.path()); }), "");
 }
@@ -511,18 +498,17 @@ TEST_F(ReadStudy, TakesTenMegabytesOfRemarksAndRefusesAsManyInputs) {
   std::string inputs = "scene = \"scene.toml\"\n";
   for (int i = 0; i < 20000; ++i)
     inputs += "[[input]]\npath = \"p" + std::to_string(i) + "\"\nspread = 1\n";
-  EXPECT_NE(refusal(inputs).find("2000 inputs"), std::string::npos);
+  EXPECT_HAS(refusal(inputs), "2000 inputs");
   std::string sweeps = three_inputs;
   for (int i = 0; i < 3000; ++i)
     sweeps += "[[sweep]]\ninput = \"EXX\"\nfrom = 0\nto = 1\nsteps = 10000\n";
-  EXPECT_NE(refusal(sweeps).find("1000 sweeps"), std::string::npos);
+  EXPECT_HAS(refusal(sweeps), "1000 sweeps");
 }
 
 // A belief's own covariance has spreads of some nanometres, which nobody wrote in a wrong unit.
 TEST(PackagedStudies, WarnOfNothing) {
   int studies = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(
-           std::filesystem::path(ABBE_SOURCE_DIR) / "scenes/studies"))
+  for (const auto& entry : fs::directory_iterator(fs::path(ABBE_SOURCE_DIR) / "scenes/studies"))
     if (entry.path().extension() == ".toml") {
       const Study study = read_study(entry.path());
       const Scene scene = read_scene(study.scene, study.overrides);

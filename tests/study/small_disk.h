@@ -1,17 +1,14 @@
 #pragma once
 
-#include <filesystem>
-#include <string>
-#include <utility>
-
 #include <sys/mount.h>
+#include "tests/test.h"
 
 namespace abbe::sim::study {
 
 /// A small disk of its own, where one may mount it.
 struct SmallDisk {
   /// @param size  "400k"
-  SmallDisk(std::filesystem::path at, const std::string& size) : path(std::move(at)) {
+  SmallDisk(fs::path at, const std::string& size) : path(std::move(at)) {
     mounted = ::mount("tmpfs", path.c_str(), "tmpfs", 0, ("size=" + size).c_str()) == 0;
   }
   ~SmallDisk() {
@@ -24,7 +21,7 @@ struct SmallDisk {
     return ::mount("tmpfs", path.c_str(), "tmpfs", MS_REMOUNT, ("size=" + size).c_str()) == 0;
   }
 
-  std::filesystem::path path;
+  fs::path path;
   bool mounted = false;
 };
 

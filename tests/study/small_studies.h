@@ -1,15 +1,9 @@
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
-
 #include "sim/study/case_plan.h"
 #include "sim/study/influence.h"
 #include "tests/sim/small_scene.h"
+#include "tests/test.h"
 
 /// Studies of a few hundred vertices, each machine of them cut in some hundredths of a second.
 namespace abbe::sim::study {

@@ -1,16 +1,14 @@
 #pragma once
 
-#include <filesystem>
-#include <string>
-
 #include "tests/study/farm_runs.h"
+#include "tests/test.h"
 
 /// A study whose machines are cut in a few milliseconds.
 namespace abbe::sim::study {
 
 /// A small dome under few and wide passes, on the typical gantry; two variants.
 inline std::string small_scene() {
-  const std::string scenes = (std::filesystem::path(ABBE_SOURCE_DIR) / "scenes").string();
+  const std::string scenes = (fs::path(ABBE_SOURCE_DIR) / "scenes").string();
   return "title = \"small dome\"\n"
          "machine = \"" +
          scenes +

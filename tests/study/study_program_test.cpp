@@ -1,26 +1,14 @@
-#include <algorithm>
-#include <cstdlib>
-#include <filesystem>
-#include <iostream>
-#include <map>
-#include <random>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
-
 #include "sim/study/case_plan.h"
 #include "sim/study/journal.h"
 #include "sim/study/study.h"
 #include "tests/study/small_disk.h"
 #include "tests/study/small_study.h"
+#include "tests/test.h"
 
 /// The real program on small studies: whatever happens to it, the tables are the same bytes.
 namespace abbe::sim::study {
 namespace {
-
-namespace fs = std::filesystem;
 
 const std::string small_inputs =
     "scene = \"scene.toml\"\nresponses = [\"rms\"]\ninfluence = { sheet = false, checks = 1 }\n"
@@ -192,7 +180,7 @@ TEST_F(StudyProgram, OnTwoThreadsGivesTheSameBytesAndAgainWithoutAnyCaseLeft) {
   fs::remove(out / "budget.md");
   const Ran again = ran(words(study, out, {"--resume"}));
   EXPECT_EQ(again.code, 0);
-  EXPECT_NE(again.text.find(" 0 of "), std::string::npos) << again.text;
+  EXPECT_HAS(again.text, " 0 of ");
   EXPECT_EQ(tables(out), undisturbed("both"));
 }
 
@@ -209,7 +197,7 @@ TEST_F(StudyProgram, InThreeShardsMergedGivesTheSameBytesAndSaysWhatIsMissingBef
   const Ran early = ran(words(study, out, {"--merge"}));
   EXPECT_EQ(early.code, 3);
   const std::string missing = std::to_string(cases - half["finished"].get<std::uint64_t>());
-  EXPECT_NE(early.text.find(missing + " missing of --shard 2/3"), std::string::npos) << early.text;
+  EXPECT_HAS(early.text, missing + " missing of --shard 2/3");
   EXPECT_EQ(early.text.find("--shard 1/3"), std::string::npos) << early.text;
   EXPECT_EQ(ran(words(study, out, {"--shard", "2/3"})).code, 0);
   const Ran merged = ran(words(study, out, {"--merge"}));
@@ -240,7 +228,7 @@ TEST_F(StudyProgram, RefusesASecondProcessOnTheSameJournal) {
   ASSERT_TRUE(wait_until([&] { return finished(out / "journal.sqlite") > 0; }, 60));
   const Ran second = ran(words(study, out));
   EXPECT_EQ(second.code, 5) << second.text;
-  EXPECT_NE(second.text.find("journal.sqlite"), std::string::npos) << second.text;
+  EXPECT_HAS(second.text, "journal.sqlite");
   EXPECT_EQ(shown(study, out)["cases"], 5001) << "but anybody can look at it";
   EXPECT_FALSE(first.has_ended());
 }
@@ -263,7 +251,7 @@ TEST_F(StudyProgram, RefusesTheJournalOfAnotherStudyAndLeavesItAlone) {
                                                {"--set", "set={part.vertices=400}"}}) {
     const Ran one = ran(words(study, out, more));
     EXPECT_EQ(one.code, 3) << more.back() << ": " << one.text;
-    EXPECT_NE(one.text.find("journal"), std::string::npos) << one.text;
+    EXPECT_HAS(one.text, "journal");
   }
   EXPECT_EQ(text_of(out / "journal.sqlite"), before);
 }
@@ -294,9 +282,7 @@ TEST_F(StudyProgram, ShowsNothingHalfAndAllOfIt) {
     EXPECT_EQ(sum, until);
     const Ran text = ran(words(study, out, {"--show"}));
     EXPECT_EQ(text.code, 0);
-    EXPECT_NE(text.text.find(std::to_string(until) + " of " + std::to_string(cases)),
-              std::string::npos)
-        << text.text;
+    EXPECT_HAS(text.text, std::to_string(until) + " of " + std::to_string(cases));
   }
   EXPECT_FALSE(fs::exists(out / "budget.md"));
 }
@@ -319,13 +305,13 @@ TEST_F(StudyProgram, AMachineThatLeavesItsTravelHasARowThatSaysSoAndTheStudyGoes
   ASSERT_EQ(lines.size(), 5u) << cases;
   EXPECT_EQ(lines[0], "case,analysis,engine,part.at_mm.2 / mm,rms_um,in_tolerance_percent,fault");
   EXPECT_TRUE(lines[3].starts_with("2,sweep,full,340,,,")) << lines[3];
-  EXPECT_NE(lines[3].find("Z between"), std::string::npos) << lines[3];
+  EXPECT_HAS(lines[3], "Z between");
   for (const int good : {1, 2, 4}) {
     const std::string& line = lines[std::size_t(good)];
     EXPECT_TRUE(line.ends_with(",")) << "no fault: " << line;
     EXPECT_EQ(line.find(",,"), std::string::npos) << line;
   }
-  EXPECT_NE(text_of(out / "budget.json").find("Z between"), std::string::npos) << "and a warning";
+  EXPECT_HAS(text_of(out / "budget.json"), "Z between") << "and a warning";
 }
 
 /// Such an arm used to have a yield of 100 % by influence maps, which know no rivals in a gouge.
@@ -352,8 +338,7 @@ TEST_F(StudyProgram, AnArmThatGougesHasNoFiguresWhicheverEngineAndTheBudgetSaysH
     EXPECT_TRUE(arm["map"]["rms_um"].is_null()) << engine;
     EXPECT_NEAR(arm["map"]["gouged_percent"].get<double>(), 21.2, 0.1) << engine;
     EXPECT_NEAR(arm["map"]["uncut_percent"].get<double>(), 25.1, 0.1) << engine;
-    EXPECT_NE(budget["warnings"].dump().find("seen 68 vertices with such a gouge"),
-              std::string::npos)
+    EXPECT_HAS(budget["warnings"].dump(), "seen 68 vertices with such a gouge")
         << budget["warnings"];
   }
 }
@@ -366,9 +351,7 @@ TEST_F(StudyProgram, ByInfluenceMapsOfAPartThatIsAllGougedSaysSo) {
                                            "[monte_carlo]\ncases = 20\n"),
                             out("")));
   EXPECT_EQ(one.code, 3) << one.text;
-  EXPECT_NE(one.text.find("seen no vertices cut within 0.05 mm, 297 vertices gouged deeper"),
-            std::string::npos)
-      << one.text;
+  EXPECT_HAS(one.text, "seen no vertices cut within 0.05 mm, 297 vertices gouged deeper");
 }
 
 TEST_F(StudyProgram, ReportsAFullDiskAndGoesOnWhenThereIsRoom) {
@@ -393,8 +376,7 @@ TEST_F(StudyProgram, RefusesBadInputWithItsPlaceAndLeavesNoFiles) {
   const fs::path study = folder().write("bad.toml", small_inputs + "[one_at_a_time]\nstep = -1\n");
   const Ran one = ran(words(study, out));
   EXPECT_EQ(one.code, 3);
-  EXPECT_NE(one.text.find("bad.toml:14:8: expected one_at_a_time.step"), std::string::npos)
-      << one.text;
+  EXPECT_HAS(one.text, "bad.toml:14:8: expected one_at_a_time.step");
   EXPECT_EQ(ran(words(study, out, {"--show"})).code, 3);
   EXPECT_EQ(ran(words(study, out, {"--slurm"})).code, 3) << "reported now, not by every shard";
   EXPECT_EQ(ran(words(folder() / "none.toml", out)).code, 3);
@@ -410,7 +392,7 @@ TEST_F(StudyProgram, UnderstandsItsCommandLine) {
   EXPECT_EQ(help.code, 0);
   for (const char* word :
        {"--show", "--merge", "--shard", "--slurm", "--resume", "--set", "mpirun"})
-    EXPECT_NE(help.text.find(word), std::string::npos) << word;
+    EXPECT_HAS(help.text, word);
   EXPECT_EQ(ran({ABBE_PROGRAM, "study"}).code, 2);
   for (const std::vector<std::string>& more :
        std::vector<std::vector<std::string>>{{"--nonsense"},
@@ -442,7 +424,7 @@ TEST_F(StudyProgram, PrintsAScriptForSlurmThatAShellReads) {
   for (const std::string& word :
        {std::string("#!/bin/sh"), study.string(), out.string(), std::string("--shard"),
         std::string("--merge"), std::string("1:00:00"), std::string(ABBE_PROGRAM)})
-    EXPECT_NE(one.text.find(word), std::string::npos) << word << " in:\n" << one.text;
+    EXPECT_HAS(one.text, word);
   const fs::path script = folder().write("job.sh", one.text);
   EXPECT_EQ(study::run({"sh", "-n", script}, folder() / "log"), 0);
   EXPECT_NE(ran(words(study, out, {"--slurm", "--time", "tomorrow"})).code, 0);

@@ -1,10 +1,7 @@
 #pragma once
 
-#include <cmath>
-#include <random>
-#include <string>
-
 #include "sim/study/budget.h"
+#include "tests/test.h"
 
 namespace abbe::sim::study::test {
 
@@ -23,7 +20,7 @@ inline IntervalEstimate band(double value, double half) {
 /// Influence of an input: falls from the first to the last.
 inline double effect(int input) { return 4e-3 * std::pow(0.8, input); }
 
-inline ResponseStatistics scaled_responses(const Eigen::VectorXd& v) {
+inline ResponseStatistics scaled_responses(const VectorXd& v) {
   ResponseStatistics a;
   const double mean = v.mean();
   const double sd = std::sqrt((v.array() - mean).square().sum() / double(v.size() - 1));
@@ -107,7 +104,7 @@ inline ResponseBudget response_of(Response response, const Synthetic& options, d
   std::mt19937_64 random(3);
   std::normal_distribution<double> normal(r.base + 0.5 * std::sqrt(squares),
                                           0.6 * std::sqrt(squares));
-  r.values = Eigen::VectorXd::NullaryExpr(2000, [&] { return std::abs(normal(random)); });
+  r.values = VectorXd::NullaryExpr(2000, [&] { return std::abs(normal(random)); });
   r.answers = scaled_responses(r.values);
   if (response == Response::Pv) {
     r.limit = 12e-3;
@@ -120,9 +117,9 @@ inline ResponseBudget response_of(Response response, const Synthetic& options, d
 inline Allocation allocation_of(int inputs) {
   Allocation a;
   a.asked = {Response::Pv, 12e-3, 0.95, 4000};
-  a.equal = Eigen::VectorXd::Constant(inputs, 0.71);
-  a.cheapest = Eigen::VectorXd::NullaryExpr(
-      inputs, [](Eigen::Index i) { return std::min(1.0, 0.3 + 0.07 * double(i)); });
+  a.equal = VectorXd::Constant(inputs, 0.71);
+  a.cheapest =
+      VectorXd::NullaryExpr(inputs, [](Index i) { return std::min(1.0, 0.3 + 0.07 * double(i)); });
   a.equal_cost = inputs * (inputs + 1) / 2.0 / 0.71;
   a.cheapest_cost = 0.0;
   for (int i = 0; i < inputs; ++i) a.cheapest_cost += (1.0 + i) / a.cheapest[i];
@@ -159,10 +156,10 @@ inline Budget compute_budget(const Synthetic& options = {}) {
   }
   b.proofs = {{"uncompensated", Response::Pv, 50, 0, 0.23},
               {"uncompensated", Response::Rms, 50, 0, 0.11}};
-  b.study.sweeps = {{0, Eigen::VectorXd::LinSpaced(9, -4.0, 4.0)}};
+  b.study.sweeps = {{0, VectorXd::LinSpaced(9, -4.0, 4.0)}};
   SweepResult sweep;
   for (int k = 0; k < options.configurations; ++k) {
-    std::vector<Eigen::VectorXd> answers;
+    std::vector<VectorXd> answers;
     for (const Response response : b.study.responses) {
       const double unit = response == Response::InTolerance ? -1e3 : 1.0;
       answers.push_back((b.study.sweeps[0].values.array().square() * 1e-3 * unit / (k + 1)) +

@@ -1,21 +1,14 @@
-#include "sim/study/uncertainty.h"
-
-#include <atomic>
-#include <cmath>
-#include <iostream>
-#include <limits>
-
-#include <gtest/gtest.h>
 #include <tbb/global_control.h>
 #include <boost/math/distributions/chi_squared.hpp>
-
 #include "sim/study/case_plan.h"
+#include "sim/study/uncertainty.h"
+#include "sim/study/worst_case.h"
 #include "tests/study/flat_machine.h"
+#include "tests/test.h"
 
 namespace abbe::sim::study {
 namespace {
 
-using Eigen::VectorXd;
 using Kind = Distribution::Kind;
 
 Study asking(Study study, Response response, double limit, std::uint64_t machines = 4000) {
@@ -30,11 +23,11 @@ Allocation allocated(const FlatMachine& machine) {
 
 /// Inputs that tilt or bend the part in ways that are orthogonal by area: the RMS is the norm of
 /// slope times input. (p x n), every row of RMS `scale`
-Eigen::MatrixXd orthogonal(const VectorXd& scale) {
-  const Eigen::Index p = scale.size(), n = 256;
-  Eigen::MatrixXd slope(p, n);
-  for (Eigen::Index i = 0; i < p; ++i)
-    for (Eigen::Index v = 0; v < n; ++v)
+MatrixXd orthogonal(const VectorXd& scale) {
+  const Index p = scale.size(), n = 256;
+  MatrixXd slope(p, n);
+  for (Index i = 0; i < p; ++i)
+    for (Index v = 0; v < n; ++v)
       slope(i, v) = scale[i] * std::sqrt(2.0) *
                     std::cos(std::acos(-1.0) * double(i + 1) * (double(v) + 0.5) / double(n));
   return slope;
@@ -68,7 +61,7 @@ void expect_verified(const IntervalEstimate& share, double confidence = 0.95) {
 
 TEST(Tolerance, PvOfOneInputIsItsMagnitude) {
   const double limit = 5e-3, per_unit = 2e-3, sd = 3.0;
-  Eigen::MatrixXd slope = VectorXd::LinSpaced(200, 0.0, per_unit).transpose();
+  MatrixXd slope = VectorXd::LinSpaced(200, 0.0, per_unit).transpose();
   const FlatMachine machine = flat(asking(study_of(normals(1, sd)), Response::Pv, limit), slope);
   const Allocation a = allocated(machine);
   tell("one input", a);
@@ -99,7 +92,7 @@ TEST(Tolerance, CheapestIsLagranges) {
   const VectorXd effect = (VectorXd(4) << 4e-3, 2e-3, 1e-3, 3e-3).finished();
   const std::vector<double> costs = {1.0, 10.0, 3.0, 0.2};
   const double limit = 2e-3;
-  Eigen::MatrixXd slope = effect * VectorXd::LinSpaced(200, 0.0, 1.0).transpose();
+  MatrixXd slope = effect * VectorXd::LinSpaced(200, 0.0, 1.0).transpose();
   const FlatMachine machine =
       flat(asking(study_of(normals(4), costs), Response::Pv, limit, 20000), slope);
   const Allocation a = allocated(machine);
@@ -122,7 +115,7 @@ TEST(Tolerance, CheapestIsLagranges) {
 
 TEST(Tolerance, WhatDoesNothingOrLittleStaysAsItIs) {
   const VectorXd effect = (VectorXd(4) << 4e-3, 1e-5, 0.0, 3e-3).finished();
-  Eigen::MatrixXd slope = effect * VectorXd::LinSpaced(200, 0.0, 1.0).transpose();
+  MatrixXd slope = effect * VectorXd::LinSpaced(200, 0.0, 1.0).transpose();
   const FlatMachine machine = flat(asking(study_of(normals(4)), Response::Pv, 5e-3), slope);
   const Allocation a = allocated(machine);
   tell("two idle inputs", a);
@@ -135,7 +128,7 @@ TEST(Tolerance, WhatDoesNothingOrLittleStaysAsItIs) {
 /// Two inputs of one effect, correlated by rho: the variance of their sum is 2 (1 + rho).
 TEST(Tolerance, CorrelatedInputsAddUp) {
   for (const double rho : {-0.6, 0.0, 0.8, 1.0}) {
-    Eigen::MatrixXd slope(2, 200);
+    MatrixXd slope(2, 200);
     slope.row(0) = VectorXd::LinSpaced(200, 0.0, 1e-3).transpose();
     slope.row(1) = slope.row(0);
     const FlatMachine machine =
@@ -161,8 +154,8 @@ TEST(Tolerance, ATruncatedUniformInputShrinksAboutItsCentre) {
 }
 
 TEST(Tolerance, WhatIsMetAlreadyIsNotShrunk) {
-  const FlatMachine machine = flat(asking(study_of(normals(3)), Response::Pv, 1.0),
-                                   Eigen::MatrixXd::Identity(3, 10) * 1e-3);
+  const FlatMachine machine =
+      flat(asking(study_of(normals(3)), Response::Pv, 1.0), MatrixXd::Identity(3, 10) * 1e-3);
   const Allocation a = allocated(machine);
   EXPECT_EQ(a.equal, VectorXd::Ones(3));
   EXPECT_EQ(a.cheapest, VectorXd::Ones(3));
@@ -172,8 +165,8 @@ TEST(Tolerance, WhatIsMetAlreadyIsNotShrunk) {
 }
 
 TEST(Tolerance, AFloorAboveTheLimitCannotBeAttained) {
-  FlatMachine machine = flat(asking(study_of(normals(3)), Response::Pv, 5e-3),
-                             Eigen::MatrixXd::Identity(3, 10) * 1e-3);
+  FlatMachine machine =
+      flat(asking(study_of(normals(3)), Response::Pv, 5e-3), MatrixXd::Identity(3, 10) * 1e-3);
   machine.influence.distance[7] = 6e-3;
   const Allocation a = allocated(machine);
   EXPECT_FALSE(a.attainable);
@@ -183,8 +176,8 @@ TEST(Tolerance, AFloorAboveTheLimitCannotBeAttained) {
 }
 
 TEST(Tolerance, AFloorJustBelowTheLimitIsAttainedAtAPrice) {
-  FlatMachine machine = flat(asking(study_of(normals(3)), Response::Pv, 6.001e-3),
-                             Eigen::MatrixXd::Identity(3, 10) * 1e-3);
+  FlatMachine machine =
+      flat(asking(study_of(normals(3)), Response::Pv, 6.001e-3), MatrixXd::Identity(3, 10) * 1e-3);
   machine.influence.distance[7] = 6e-3;
   const Allocation a = allocated(machine);
   tell("just below", a);
@@ -197,8 +190,8 @@ TEST(Tolerance, AFloorJustBelowTheLimitIsAttainedAtAPrice) {
 TEST(Tolerance, AResponseThatIsNotThereCannotBeAttained) {
   Study study = asking(study_of(normals(2)), Response::Pv, 5e-3);
   const ResponseFunction nothing = {
-      [](const Eigen::MatrixXd& x) { return VectorXd::Constant(x.cols(), NAN); },
-      [](const Eigen::MatrixXd& x) { return Eigen::MatrixXd::Zero(x.rows(), x.cols()); }};
+      [](const MatrixXd& x) { return VectorXd::Constant(x.cols(), NAN); },
+      [](const MatrixXd& x) { return MatrixXd::Zero(x.rows(), x.cols()); }};
   EXPECT_FALSE(allocation(study, nothing).attainable);
 }
 
@@ -216,7 +209,7 @@ TEST(Tolerance, AFreshMonteCarloOfARealMapAgreesAndTradesDoNotPay) {
     const Allocation a = allocation(machine.study, function);
     tell(name_of(response), a);
     const auto share_of = [&](const VectorXd& factors, std::uint64_t seed, int machines) {
-      const Eigen::MatrixXd z =
+      const MatrixXd z =
           draw_inputs(machine.study, points({Sampling::Random, p, seed}, 0, machines));
       return fraction_within_limit(function.values(factors.asDiagonal() * z), limit);
     };
@@ -229,7 +222,7 @@ TEST(Tolerance, AFreshMonteCarloOfARealMapAgreesAndTradesDoNotPay) {
     EXPECT_NEAR(equal.value, 0.95, 0.007);
     EXPECT_LT(a.cheapest_cost, a.equal_cost);
     // Trades: one input 15 % looser, another tighter by what the cost then allows.
-    const Eigen::MatrixXd drawn_once =
+    const MatrixXd drawn_once =
         draw_inputs(machine.study, points({Sampling::Random, p, 1001}, 0, 20000));
     const auto share_of_trade = [&](const VectorXd& factors) {
       return fraction_within_limit(function.values(factors.asDiagonal() * drawn_once), limit).value;
@@ -266,12 +259,11 @@ TEST(Tolerance, TheSameBitsForAnyNumberOfThreads) {
 /// apart without linear theory; what chance then costs is seen against the closed form.
 TEST(Tolerance, AHundredLikeInputsAreAllottedAlike) {
   const int p = 100;
-  Eigen::MatrixXd slope =
-      VectorXd::Constant(p, 1e-3) * VectorXd::LinSpaced(50, 0.0, 1.0).transpose();
+  MatrixXd slope = VectorXd::Constant(p, 1e-3) * VectorXd::LinSpaced(50, 0.0, 1.0).transpose();
   FlatMachine machine = flat(asking(study_of(normals(p)), Response::Pv, 1e-2), slope);
   ResponseFunction function = function_of(machine.influence, Response::Pv);
   std::atomic<std::uint64_t> answered = 0;
-  const ResponseFunction counted = {[&](const Eigen::MatrixXd& x) {
+  const ResponseFunction counted = {[&](const MatrixXd& x) {
                                       answered += std::uint64_t(x.cols());
                                       return function.values(x);
                                     },
@@ -284,6 +276,190 @@ TEST(Tolerance, AHundredLikeInputsAreAllottedAlike) {
             << 100.0 * a.cheapest_fraction.value << " %, " << answered << " machines answered\n";
   EXPECT_NEAR(a.cheapest_cost, 100.0 / expected, 0.01 * 100.0 / expected);
   expect_verified(a.cheapest_fraction);
+}
+
+/// All corners of a box. (p x 2^p)
+MatrixXd corners(const Box& box) {
+  const Index p = box.low.size();
+  return MatrixXd::NullaryExpr(
+      p, Index(1) << p, [&](Index i, Index k) { return (k >> i) & 1 ? box.high[i] : box.low[i]; });
+}
+
+MatrixXd interior(const Box& box, Index count, unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  return MatrixXd::NullaryExpr(box.low.size(), count, [&](Index i, Index) {
+    return box.low[i] + unit(random) * (box.high[i] - box.low[i]);
+  });
+}
+
+TEST(WorstCase, BoxTakesTheEndsOfDistributionsAndElseTheCoverage) {
+  const Study study = study_of({{Kind::Normal, 1.0, 2.0},
+                                {Kind::Normal, 1.0, 2.0, -0.5, 8.0},
+                                {Kind::Uniform, 3.0, 0.5},
+                                {Kind::Triangular, 0.0, 1.0, -2.0, 0.25},
+                                {Kind::LogNormal, 2.0, 0.1}});
+  const Box box = input_box(study, 3.0);
+  const std::array low = {-5.0, -0.5, 2.5, -1.0, 2.0 * std::exp(-0.3)};
+  const std::array high = {7.0, 8.0, 3.5, 0.25, 2.0 * std::exp(0.3)};
+  for (Index i = 0; i < 5; ++i) {
+    EXPECT_NEAR(box.low[i], low[std::size_t(i)], 1e-12) << i;
+    EXPECT_NEAR(box.high[i], high[std::size_t(i)], 1e-12) << i;
+  }
+}
+
+TEST(WorstCase, TiltOfAPlaneIsWorstAtItsEndAndTheBoundIsExact) {
+  MatrixXd slope(2, 201);  // a tilt, and a shift of all vertices, which PV does not see
+  slope.row(0) = VectorXd::LinSpaced(201, -1e-3, 1e-3).transpose();
+  slope.row(1).setConstant(5e-3);
+  const FlatMachine machine = flat(study_of(normals(2)), slope);
+  const Corner corner = worst_corner(input_box(machine.study, 3.0), machine.influence, Response::Pv,
+                                     function_of(machine.influence, Response::Pv));
+  EXPECT_NEAR(corner.response, 6e-3, 1e-15);
+  EXPECT_NEAR(corner.bound, 6e-3, 1e-15);
+  EXPECT_EQ(std::abs(corner.inputs[0]), 3.0);
+}
+
+/// How what is found and what bounds it compare with all corners.
+struct Quality {
+  double found = 1.0;  ///< least share of the true worst corner
+  double bound = 1.0;  ///< largest bound over it
+};
+
+void judge(const FlatMachine& machine, Response response, Quality& quality) {
+  const Box box = input_box(machine.study, 3.0);
+  const ResponseFunction function = function_of(machine.influence, response);
+  const Corner corner = worst_corner(box, machine.influence, response, function);
+  const double worst = function.values(corners(box)).maxCoeff();
+  const double inside = function.values(interior(box, 2000, 5)).maxCoeff();
+  EXPECT_NEAR(corner.response, function.values(corner.inputs)[0], 1e-15);
+  EXPECT_LE(corner.response, worst + 1e-15);
+  EXPECT_LE(worst, corner.bound + 1e-15);
+  EXPECT_LE(inside, corner.bound + 1e-15);
+  for (Index i = 0; i < box.low.size(); ++i)
+    EXPECT_TRUE(corner.inputs[i] == box.low[i] || corner.inputs[i] == box.high[i]);
+  quality.found = std::min(quality.found, corner.response / worst);
+  quality.bound = std::max(quality.bound, corner.bound / worst);
+}
+
+Quality judged(Response response, bool competing_passes, int min_inputs, int max_inputs) {
+  Quality quality;
+  for (unsigned seed = 1; seed <= 12; ++seed) {
+    SCOPED_TRACE(testing::Message() << name_of(response) << " seed " << seed);
+    Study study = study_of(normals(min_inputs + int(seed) % (max_inputs - min_inputs + 1)));
+    study.inputs[1].distribution = {Kind::Uniform, 0.5, 1.0, -0.1, 1.2};
+    FlatMachine machine = random_machine(std::move(study), 150, seed);
+    if (!competing_passes) {
+      MatrixXd first(machine.influence.slope.rows(), 150);
+      for (Index v = 0; v < 150; ++v)
+        first.col(v) = machine.influence.slope.col(
+            std::min(machine.influence.first[std::size_t(v)], machine.influence.slope.cols() - 1));
+      machine = flat(machine.study, first);
+    }
+    judge(machine, response, quality);
+  }
+  std::cout << name_of(response) << (competing_passes ? ", rivals, " : ", linear, ") << min_inputs
+            << " .. " << max_inputs << " inputs: found at least " << 100.0 * quality.found
+            << " % of the worst of all corners, bound at most " << 100.0 * quality.bound << " %\n";
+  return quality;
+}
+
+constexpr std::array bounded = {Response::Pv, Response::Rms, Response::Mean, Response::Std,
+                                Response::MaxAbs};
+
+TEST(WorstCase, PvOfOneRivalIsTheWorstOfAllCornersAndItsBoundIsThat) {
+  for (const int inputs : {2, 13}) {
+    const Quality quality = judged(Response::Pv, false, inputs, inputs + (inputs == 2 ? 10 : 1));
+    EXPECT_NEAR(quality.found, 1.0, 1e-12);
+    EXPECT_NEAR(quality.bound, 1.0, 1e-12);
+  }
+}
+
+TEST(WorstCase, OfAFewInputsTheCornerIsTheWorstAndTheBoundHolds) {
+  for (const Response response : bounded) {
+    const Quality quality = judged(response, true, 2, 12);
+    EXPECT_NEAR(quality.found, 1.0, 1e-12) << name_of(response);
+    EXPECT_LT(quality.bound, response == Response::Mean ? 3.0 : 1.5) << name_of(response);
+  }
+}
+
+TEST(WorstCase, OfMoreInputsTheSearchComesNearTheWorstCorner) {
+  for (const Response response : bounded) {
+    const Quality quality = judged(response, true, 13, 14);
+    EXPECT_GE(quality.found, 0.999) << name_of(response);
+    EXPECT_LT(quality.bound, response == Response::Mean ? 4.0 : 1.6) << name_of(response);
+  }
+}
+
+TEST(WorstCase, GradientsAreDifferencesOfTheResponse) {
+  for (const Response response :
+       {Response::Pv, Response::Rms, Response::Mean, Response::Std, Response::MaxAbs}) {
+    const FlatMachine machine = random_machine(study_of(normals(5)), 120, 9);
+    const ResponseFunction function = function_of(machine.influence, response);
+    const MatrixXd x = interior(input_box(machine.study, 2.0), 40, 11);
+    const MatrixXd g = function.gradients(x);
+    const double h = 1e-6;
+    double worst = 0.0;
+    for (Index i = 0; i < 5; ++i) {
+      MatrixXd up = x, down = x;
+      up.row(i).array() += h;
+      down.row(i).array() -= h;
+      const VectorXd slope = (function.values(up) - function.values(down)) / (2.0 * h);
+      worst = std::max(worst, (slope - g.row(i).transpose()).cwiseAbs().maxCoeff());
+    }
+    std::cout << name_of(response) << ": gradient within " << worst << " mm per unit\n";
+    EXPECT_LT(worst, 1e-8) << name_of(response);  // of slopes of 1e-3
+  }
+}
+
+TEST(WorstCase, CountedResponsesHaveNoGradient) {
+  const FlatMachine machine = flat(study_of(normals(1)), MatrixXd::Ones(1, 3));
+  for (const Response filtered : {Response::FormPv, Response::TextureSq}) {
+    EXPECT_THROW(gradients(machine.influence, filtered, VectorXd::Zero(1)), std::invalid_argument);
+    EXPECT_EQ(response_bound(machine.influence, input_box(machine.study, 3.0), filtered, 1.0),
+              infinity)
+        << "nothing is promised of a filtered map";
+  }
+  EXPECT_THROW(gradients(machine.influence, Response::P95Abs, VectorXd::Zero(1)),
+               std::invalid_argument);
+}
+
+TEST(WorstCase, WhereNothingIsCutNothingBreaks) {
+  FlatMachine machine = flat(study_of(normals(2)), MatrixXd::Zero(2, 3));
+  machine.influence.first = {0, 0, 0, 0};
+  machine.influence.slope.resize(2, 0);
+  machine.influence.shift.resize(2, 0);
+  machine.influence.distance.resize(0);
+  machine.influence.half_curvature.resize(0);
+  const ResponseFunction nothing = {
+      [](const MatrixXd& x) { return VectorXd::Constant(x.cols(), NAN); },
+      [&](const MatrixXd& x) { return gradients(machine.influence, Response::Pv, x); }};
+  const Corner corner =
+      worst_corner(input_box(machine.study, 3.0), machine.influence, Response::Pv, nothing);
+  EXPECT_TRUE(std::isnan(corner.response));
+}
+
+TEST(WorstCase, AHundredInputsAndThousandsOfVerticesAreBoundedInSecondsWithTheSameBits) {
+  const FlatMachine machine = random_machine(study_of(normals(100)), 3000, 21);
+  const ResponseFunction function = function_of(machine.influence, Response::Pv);
+  const auto with = [&](std::size_t threads) {
+    const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
+    return worst_corner(input_box(machine.study, 3.0), machine.influence, Response::Pv, function);
+  };
+  const auto begin = std::chrono::steady_clock::now();
+  const Corner corner = with(2);
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+  const double random =
+      function.values(interior(input_box(machine.study, 3.0), 2000, 3)).maxCoeff();
+  std::cout << "100 inputs, 3000 vertices: " << corner.response << " mm found, bound "
+            << corner.bound << ", worst of 2000 random machines " << random << ", " << took.count()
+            << " s\n";
+  EXPECT_GT(corner.response, random);
+  EXPECT_LE(corner.response, corner.bound);
+  const Corner again = with(1);
+  EXPECT_EQ(corner.inputs, again.inputs);
+  EXPECT_EQ(corner.response, again.response);
+  EXPECT_EQ(corner.bound, again.bound);
 }
 
 }  // namespace

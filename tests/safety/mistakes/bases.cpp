@@ -1,11 +1,7 @@
-#include "tests/safety/mistakes/mistake.h"
-
 #include <regex>
-
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-
 #include "sim/commands/calibration_commands.h"
+#include "tests/safety/mistakes/mistake.h"
+#include "tests/test.h"
 
 namespace abbe::safety {
 
@@ -21,15 +17,14 @@ std::string box_obj(double x, double y, double z, double scale) {
   constexpr int squares = 6;
   std::string vertices, faces;
   std::map<std::string, int> known;
-  const auto number_of = [&](const Eigen::Vector3d& p) {
+  const auto number_of = [&](const Vector3d& p) {
     const std::string line =
         fmt::format("v {:.9g} {:.9g} {:.9g}\n", scale * p.x(), scale * p.y(), scale * p.z());
     const auto [at, is_new] = known.try_emplace(line, int(known.size()) + 1);
     if (is_new) vertices += line;
     return at->second;
   };
-  const auto add_side = [&](const Eigen::Vector3d& o, const Eigen::Vector3d& u,
-                            const Eigen::Vector3d& v) {
+  const auto add_side = [&](const Vector3d& o, const Vector3d& u, const Vector3d& v) {
     const auto corner = [&](int i, int j) {
       return number_of(o + u * (double(i) / squares) + v * (double(j) / squares));
     };

@@ -1,14 +1,8 @@
 #pragma once
 
-#include <functional>
-#include <map>
-#include <optional>
-#include <string>
-#include <utility>
-#include <vector>
-
 #include "sim/calibration/calibration.h"
 #include "tests/safety/program_run.h"
+#include "tests/test.h"
 
 /// Mistakes that users make, one a row: a number in another unit, a sign, a name, a file of another
 /// machine. A row is a base that is right, one thing wrong in one of its files, and what has to be
@@ -63,6 +57,20 @@ struct Mistake {
   OptionsChange options = {};
   bool is_reported = false;  ///< of a kind that users had reported: does not count as our own
 };
+
+/// Returns a row of which a warning has to say this.
+inline Mistake warning(std::string name, std::string base, std::vector<Edit> edits,
+                       std::string says, std::optional<Command> command = {},
+                       OptionsChange options = {}) {
+  return {name, base, edits, Expected::Warning, says, command, options};
+}
+
+/// Returns a row that has to end with this input error.
+inline Mistake input_error(std::string name, std::string base, std::vector<Edit> edits,
+                           std::string says, std::optional<Command> command = {},
+                           OptionsChange options = {}) {
+  return {name, base, edits, Expected::InputError, says, command, options};
+}
 
 /// Returns the row as one of a kind that users had reported.
 inline Mistake reported(Mistake mistake) {

@@ -1,16 +1,8 @@
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <sstream>
-#include <string>
-#include <vector>
-
-#include <fmt/format.h>
 #include <fmt/ranges.h>
-
 #include "tests/safety/mistakes/mistake.h"
+#include "tests/test.h"
 
 /// Changes of files of readings, cell by cell.
 namespace abbe::safety {
