@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
-#include <optional>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -13,7 +12,7 @@
 #include <Eigen/LU>
 
 #include "kinematics/bad_input.h"
-#include "kinematics/text.h"
+#include "kinematics/table_file.h"
 #include "kinematics/units.h"
 
 // The deflection of an endless wall of height c is a Fourier integral along the wall. For each wave
@@ -481,140 +480,28 @@ Matrix3d local_compliance(const PreparedWorkpiece& workpiece, const Vector3d& po
   return interpolated_compliance(tree.field, nearest_nodes(tree, point_w));
 }
 
-namespace {
-
-constexpr std::string_view expected_header =
-    "x_mm,y_mm,z_mm,Cxx_um_per_N,Cyy_um_per_N,Czz_um_per_N";
-
-/// A column of the file: a coordinate or an entry of the compliance.
-struct Column {
-  std::string_view name;
-  int row = 0;
-  int entry = -1;  ///< column in the compliance; -1: coordinate number `row`
-  bool required = true;
-};
-constexpr std::array columns{Column{"x_mm", 0},
-                             Column{"y_mm", 1},
-                             Column{"z_mm", 2},
-                             Column{"Cxx_um_per_N", 0, 0},
-                             Column{"Cyy_um_per_N", 1, 1},
-                             Column{"Czz_um_per_N", 2, 2},
-                             Column{"Cxy_um_per_N", 0, 1, false},
-                             Column{"Cyz_um_per_N", 1, 2, false},
-                             Column{"Cxz_um_per_N", 0, 2, false}};
-
-/// Reader of the lines with content; input errors state the line number.
-class FieldReader {
- public:
-  FieldReader(std::string_view text, const std::string& file) : lines_(text), file_(file) {
-    check_encoding(text, file);
-  }
-
-  [[noreturn]] void refuse(int column, const std::string& expected, const std::string& seen) const {
-    throw BadInput(file_, lines_.number(), column, expected, seen);
-  }
-
-  /// Advances to the next line with content; returns false at the end.
-  bool next_line() {
-    while (const auto line = lines_.next()) {
-      line_ = *line;
-      const std::size_t start = line_.find_first_not_of(" \t");
-      if (start != std::string_view::npos && line_[start] != '#') return true;
-    }
-    return false;
-  }
-
-  std::string_view line() const { return line_; }
-  std::vector<Cell> cells(char separator) const {
-    return split_cells(line_, separator, columns.size());
-  }
-
- private:
-  LineReader lines_;
-  std::string_view line_;
-  const std::string& file_;
-};
-
-/// Returns the columns of a file in their order. Throws BadInput if a required one is missing.
-std::vector<const Column*> read_header(const FieldReader& reader, char separator) {
-  std::vector<const Column*> columns_in_file;
-  for (const Cell& cell : reader.cells(separator)) {
-    const auto column = std::find_if(columns.begin(), columns.end(),
-                                     [&](const Column& c) { return c.name == cell.text; });
-    if (column == columns.end())
-      reader.refuse(cell.column,
-                    fmt::format("a column name of a header such as {}", expected_header),
-                    quoted_excerpt(cell.text));
-    if (std::find(columns_in_file.begin(), columns_in_file.end(), &*column) !=
-        columns_in_file.end())
-      reader.refuse(cell.column, "each column only once", quoted_excerpt(cell.text));
-    columns_in_file.push_back(&*column);
-  }
-  for (const Column& column : columns) {
-    if (column.required &&
-        std::find(columns_in_file.begin(), columns_in_file.end(), &column) == columns_in_file.end())
-      reader.refuse(int(reader.line().size()) + 1, fmt::format("a column {}", column.name), "none");
-  }
-  return columns_in_file;
-}
-
-double read_number(const FieldReader& reader, const Cell& cell) {
-  const std::optional<double> x = number_of(cell.text);
-  if (!x) reader.refuse(cell.column, "a number within +-1e9", quoted_excerpt(cell.text));
-  return *x;
-}
-
-/// A row of a file: a node with its compliance, mm/N.
-struct NodeRow {
-  Eigen::Vector3d point_w = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d C = Eigen::Matrix3d::Zero();
-};
-
-NodeRow read_row(const FieldReader& reader, const std::vector<const Column*>& columns_in_file,
-                 char separator) {
-  const std::vector<Cell> cells = reader.cells(separator);
-  const std::string expected_cells =
-      fmt::format("{} cells, as in the header", columns_in_file.size());
-  if (cells.size() < columns_in_file.size())
-    reader.refuse(int(reader.line().size()) + 1, expected_cells, fmt::format("{}", cells.size()));
-  if (cells.size() > columns_in_file.size())
-    reader.refuse(cells[columns_in_file.size()].column, expected_cells, "more");
-  NodeRow node;
-  for (std::size_t i = 0; i < columns_in_file.size(); ++i) {
-    const Column& column = *columns_in_file[i];
-    const double x = read_number(reader, cells[i]);
-    if (column.entry < 0) {
-      node.point_w[column.row] = x;
-    } else {
-      node.C(column.row, column.entry) = x * units::um;
-      node.C(column.entry, column.row) = x * units::um;
-    }
-  }
-  const std::string violation = node_error(node.point_w, node.C);
-  if (!violation.empty()) reader.refuse(1, violation, quoted_excerpt(reader.line()));
-  return node;
-}
-
-}  // namespace
-
 WorkpieceField read_compliance_field(std::string_view text, const std::string& file) {
-  FieldReader reader(text, file);
-  if (text.size() > max_field_bytes)
-    reader.refuse(0, "at most 64 MiB", fmt::format("{} bytes", text.size()));
-  if (!reader.next_line())
-    reader.refuse(0, fmt::format("a header such as {}", expected_header), "nothing");
-  const char separator = reader.line().find(';') != std::string_view::npos ? ';' : ',';
-  const std::vector<const Column*> columns_in_file = read_header(reader, separator);
-  std::vector<double> points;
+  TableSchema schema{.header = "x_mm,y_mm,z_mm,Cxx_um_per_N,Cyy_um_per_N,Czz_um_per_N",
+                     .separators = ";,",
+                     .max_bytes = max_field_bytes};
+  for (const char* coordinate : {"x_mm", "y_mm", "z_mm"})
+    schema.columns.push_back({.names = {{coordinate}}});
+  for (const char* entry : {"xx", "yy", "zz", "xy", "yz", "xz"})
+    schema.columns.push_back({.names = {{fmt::format("C{}_um_per_N", entry), units::um}},
+                              .required = entry[0] == entry[1]});
+  const TableFile table = read_table(text, file, schema);
   WorkpieceField field;
-  while (reader.next_line()) {
-    const NodeRow node = read_row(reader, columns_in_file, separator);
-    points.insert(points.end(), node.point_w.data(), node.point_w.data() + 3);
-    field.compliance_w.push_back(node.C);
+  field.points_w.resize(Eigen::Index(table.rows()), 3);
+  for (std::size_t row = 0; row < table.rows(); ++row) {
+    const auto x = [&](std::size_t column) { return table.value(row, column); };
+    field.points_w.row(Eigen::Index(row)) << x(0), x(1), x(2);
+    Eigen::Matrix3d C;
+    C << x(3), x(6), x(8), x(6), x(4), x(7), x(8), x(7), x(5);
+    const std::string violation = node_error({x(0), x(1), x(2)}, C);
+    if (!violation.empty())
+      throw BadInput(file, table.line[row], 1, violation, quoted_excerpt(table.row_text(row)));
+    field.compliance_w.push_back(C);
   }
-  if (field.compliance_w.empty()) reader.refuse(0, "at least one node", "none");
-  field.points_w = Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>>(
-      points.data(), Eigen::Index(field.compliance_w.size()), 3);
   return field;
 }
 

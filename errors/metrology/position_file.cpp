@@ -10,8 +10,7 @@
 
 #include <fmt/format.h>
 
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
+#include "kinematics/table_file.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::metrology {
@@ -93,7 +92,6 @@ void check_size(std::string_view text, const std::string& file,
                    fmt::format("{}", text.size()));
 }
 
-constexpr std::size_t max_cells = max_runs + 8;
 constexpr double arcsec = units::deg / 3600.0;
 
 struct Unit {
@@ -101,184 +99,121 @@ struct Unit {
   double size;  ///< of one unit, mm or rad
   bool rotary;
 };
-constexpr std::array known_units{Unit{"nm", units::nm, false}, Unit{"um", units::um, false},
-                                 Unit{"mm", 1.0, false},       Unit{"urad", units::urad, true},
-                                 Unit{"arcsec", arcsec, true}, Unit{"deg", units::deg, true},
+constexpr std::array known_units{Unit{"mm", 1.0, false},          Unit{"deg", units::deg, true},
+                                 Unit{"um", units::um, false},    Unit{"nm", units::nm, false},
+                                 Unit{"urad", units::urad, true}, Unit{"arcsec", arcsec, true},
                                  Unit{"rad", 1.0, true}};
 
-const Unit* find_unit(std::string_view name) {
-  const auto unit = std::find_if(known_units.begin(), known_units.end(),
-                                 [&](const Unit& u) { return u.name == name; });
+/// Returns the unit of a column head; null if it has none.
+const Unit* unit_of(std::string_view head) {
+  const auto unit = std::ranges::find(known_units, head.substr(head.find('_') + 1), &Unit::name);
   return unit == known_units.end() ? nullptr : &*unit;
 }
 
-/// Meaning of a column.
-enum class Role { Set, Ordinal, Target, Direction, Run, Deviation, Position };
+std::vector<ColumnName> names_with_units(const std::string& name) {
+  std::vector<ColumnName> names;
+  for (const Unit& unit : known_units) names.push_back({fmt::format("{}_{}", name, unit.name)});
+  return names;
+}
 
-struct Column {
-  Role role;
-  const Unit* unit = nullptr;
-  int run = 0;  ///< for j1, j2, ... their number; 0: the row states the run
+/// Indices of the columns; those from `first_run_column` on have the readings of a run each.
+enum PositionColumn : std::size_t {
+  set_column,
+  pos_column,
+  target_column,
+  direction_column,
+  run_column,
+  deviation_column,
+  position_column,
+  first_run_column
 };
 
-/// Parser of the header of a table.
-class HeaderReader {
- public:
-  HeaderReader(const TableLineReader& lines, const Line& line) : lines_(lines), line_(line) {}
+/// Returns the columns with readings.
+std::vector<std::size_t> reading_columns(const TableFile& table) {
+  std::vector<std::size_t> columns;
+  for (std::size_t k = deviation_column; k < table.columns.size(); ++k)
+    if (table.has(k)) columns.push_back(k);
+  return columns;
+}
 
-  struct Head {
-    std::vector<Column> columns;
-    char separator = ',';
-    bool rotary = false;
+/// Throws BadInput unless the columns agree with each other and with the target.
+void check_header(const TableFile& table) {
+  const std::vector<std::size_t> columns = reading_columns(table);
+  if (table.columns.size() > first_run_column) {
+    for (const std::size_t k : {run_column, deviation_column, position_column})
+      if (table.has(k)) table.throw_column_error(k, "no such column together with j1, j2, ...");
+  } else {
+    if (!table.has(run_column)) table.throw_missing_column("a column run");
+    if (columns.empty()) table.throw_missing_column("one column deviation_um or position_mm");
+    if (columns.size() > 1)
+      table.throw_column_error(position_column, "either a deviation or a position");
+  }
+  const bool rotary = unit_of(table.columns[target_column].head)->rotary;
+  for (const std::size_t k : columns)
+    if (const Unit* unit = unit_of(table.columns[k].head); unit && unit->rotary != rotary)
+      table.throw_column_error(k, rotary ? "an angle, because the target is an angle"
+                                         : "a length, because the target is a length");
+}
+
+TableSchema position_schema(const PositionFileOptions& options) {
+  using Content = TableColumn::Content;
+  TableSchema schema{.header = "target_mm,direction,run,deviation_um",
+                     .separators = ";,",
+                     .max_bytes = options.max_bytes,
+                     .max_columns = std::size_t(max_runs) + 7,
+                     .max_rows = options.max_readings};
+  schema.check_header = check_header;
+  schema.columns = {{.names = {{"set"}}, .content = Content::Text, .required = false},
+                    {.names = {{"pos"}}, .content = Content::Ignored, .required = false},
+                    {.names = names_with_units("target")},
+                    {.names = {{"direction"}, {"dir"}}, .content = Content::Text},
+                    {.names = {{"run"}},
+                     .content = Content::Integer,
+                     .required = false,
+                     .min = 1,
+                     .max = max_runs},
+                    {.names = names_with_units("deviation"), .required = false},
+                    {.names = names_with_units("position"), .required = false}};
+  schema.other_columns = [count = 0](std::string_view head) mutable {
+    const bool is_next_run = count < max_runs &&
+                             head.substr(0, head.find('_')) == fmt::format("j{}", count + 1) &&
+                             (head.find('_') == std::string_view::npos || unit_of(head) != nullptr);
+    if (is_next_run) ++count;
+    return is_next_run ? std::optional(TableColumn{.names = {{std::string(head)}}}) : std::nullopt;
   };
+  return schema;
+}
 
-  Head read() {
-    head_.separator = line_.text.find(';') != std::string_view::npos ? ';' : ',';
-    const std::vector<Cell> cells = split_cells(line_.text, head_.separator, max_cells - 1);
-    if (cells.size() == max_cells)
-      lines_.refuse(cells.back(), fmt::format("at most {} runs", max_runs));
-    for (const Cell& cell : cells) add(cell);
-    require_column(Role::Target, "a column target_mm or target_deg");
-    require_column(Role::Direction, "a column direction");
-    if (run_column_count_ == 0) {
-      require_column(Role::Run, "a column run");
-      if (count(Role::Deviation) + count(Role::Position) != 1)
-        lines_.refuse(int(line_.text.size()) + 1, "one column deviation_um or position_mm", "none");
-    }
-    resolve_units(cells);
-    return std::move(head_);
-  }
-
- private:
-  int count(Role role) const {
-    return int(std::count_if(head_.columns.begin(), head_.columns.end(),
-                             [&](const Column& c) { return c.role == role; }));
-  }
-  void require_column(Role role, const std::string& what) const {
-    if (count(role) == 0) lines_.refuse(int(line_.text.size()) + 1, what, "none");
-  }
-
-  void add(const Cell& cell) {
-    const std::size_t underscore = cell.text.find('_');
-    const std::string_view name = cell.text.substr(0, underscore);
-    const Unit* unit = nullptr;
-    if (underscore != std::string_view::npos) {
-      unit = find_unit(cell.text.substr(underscore + 1));
-      if (unit == nullptr) lines_.refuse(cell, "a unit such as mm, um, deg or arcsec");
-    }
-    Column column{role_of(cell, name, unit), unit};
-    // There is one column j1, j2, ... for each run; all other columns are unique.
-    if (name.front() == 'j') {
-      column.run = ++run_column_count_;
-    } else if (count(column.role) > 0 ||
-               (is_reading(column.role) && count(Role::Deviation) + count(Role::Position) > 0)) {
-      lines_.refuse(cell, "each column only once");
-    }
-    head_.columns.push_back(column);
-  }
-
-  static bool is_reading(Role role) { return role == Role::Deviation || role == Role::Position; }
-
-  Role role_of(const Cell& cell, std::string_view name, const Unit* unit) const {
-    const auto without_unit = [&](Role role) {
-      if (unit != nullptr) lines_.refuse(cell, "a column without a unit");
-      return role;
-    };
-    const auto with_unit = [&](Role role) {
-      if (unit == nullptr)
-        lines_.refuse(cell, "a column name with a unit, as in target_mm and deviation_um");
-      return role;
-    };
-    if (name == "set") return without_unit(Role::Set);
-    if (name == "pos") return without_unit(Role::Ordinal);
-    if (name == "direction" || name == "dir") return without_unit(Role::Direction);
-    if (name == "run") return without_unit(Role::Run);
-    if (name == "target") return with_unit(Role::Target);
-    if (name == "deviation") return with_unit(Role::Deviation);
-    if (name == "position") return with_unit(Role::Position);
-    if (name == fmt::format("j{}", run_column_count_ + 1) && run_column_count_ < max_runs)
-      return unit == nullptr ? Role::Position : Role::Deviation;
-    lines_.refuse(cell, "a column name of a header such as target_mm,direction,run,deviation_um");
-  }
-
-  /// Sets the unit of positions without one to that of the target, and checks that all columns are
-  /// lengths or all are angles.
-  void resolve_units(const std::vector<Cell>& cells) {
-    const auto target = std::find_if(head_.columns.begin(), head_.columns.end(),
-                                     [](const Column& c) { return c.role == Role::Target; });
-    const Unit* target_unit = target->unit;
-    head_.rotary = target_unit->rotary;
-    for (std::size_t i = 0; i < head_.columns.size(); ++i) {
-      Column& column = head_.columns[i];
-      if (run_column_count_ > 0 &&
-          (column.role == Role::Run || (is_reading(column.role) && column.run == 0)))
-        lines_.refuse(cells[i], "no such column together with j1, j2, ...");
-      if (column.role == Role::Position && column.unit == nullptr) column.unit = target_unit;
-      if (column.unit != nullptr && column.unit->rotary != head_.rotary)
-        lines_.refuse(cells[i], head_.rotary ? "an angle, because the target is an angle"
-                                             : "a length, because the target is a length");
-    }
-  }
-
-  const TableLineReader& lines_;
-  const Line& line_;
-  Head head_;
-  int run_column_count_ = 0;
-};
-
-using Head = HeaderReader::Head;
-
-bool is_up(const TableLineReader& lines, const Cell& cell) {
-  if (cell.text == "up" || cell.text == "+") return true;
-  if (cell.text != "down" && cell.text != "-") lines.refuse(cell, "up, down, + or -");
+bool is_up(const TableFile& table, std::size_t row) {
+  const std::string_view text = table.columns[direction_column].texts[row];
+  if (text == "up" || text == "+") return true;
+  if (text != "down" && text != "-")
+    table.throw_cell_error(row, direction_column, "up, down, + or -");
   return false;
 }
 
-/// Row of a table.
-struct Row {
-  std::string set;  ///< name of its set
-  std::vector<PositionReading> readings;
-};
-
-Row read_row(const TableLineReader& lines, const Line& line, const Head& head) {
-  const std::vector<Cell> cells = split_cells(line.text, head.separator, head.columns.size());
-  const std::string expected = fmt::format("{} cells, as in the header", head.columns.size());
-  if (cells.size() < head.columns.size())
-    lines.refuse(int(line.text.size()) + 1, expected, fmt::format("{}", cells.size()));
-  if (cells.size() > head.columns.size()) lines.refuse(cells.back().column, expected, "more");
-  Row row;
-  PositionReading common;
-  common.line = line.number;
-  for (std::size_t i = 0; i < cells.size(); ++i) {
-    const Column& column = head.columns[i];
-    if (column.role == Role::Set) row.set = std::string(cells[i].text);
-    if (column.role == Role::Direction) common.up = is_up(lines, cells[i]);
-    if (column.role == Role::Run) common.run = lines.read_whole_number(cells[i], 1, max_runs);
-    if (column.role == Role::Target) common.target = lines.number_in(cells[i]);
-  }
-  // The column of the target may be right of the readings, so its unit is determined first.
-  double unit = 1.0;
-  for (const Column& column : head.columns)
-    if (column.role == Role::Target) unit = column.unit->size;
-  for (std::size_t i = 0; i < cells.size(); ++i) {
-    const Column& column = head.columns[i];
-    if (column.role != Role::Deviation && column.role != Role::Position) continue;
-    PositionReading reading = common;
-    if (column.run > 0) reading.run = column.run;
-    const double x = lines.number_in(cells[i]);
-
-    reading.deviation = column.role == Role::Deviation
-                            ? x * column.unit->size
-                            : x * column.unit->size - common.target * unit;
-    // With equal units the difference is taken in the unit of the file, before the conversion:
-    // decimal fractions then cancel best.
-    if (column.role == Role::Position && column.unit->size == unit)
-      reading.deviation = (x - common.target) * unit;
-    row.readings.push_back(reading);
-  }
-  // Targets are converted last, since the deviations above need them in the unit of the file.
-  for (PositionReading& reading : row.readings) reading.target *= unit;
-  return row;
+/// Returns the reading in a column of a row.
+PositionReading reading_at(const TableFile& table, std::size_t row, std::size_t column) {
+  const double target_unit = unit_of(table.columns[target_column].head)->size;
+  const double written_target = table.columns[target_column].numbers[row];
+  const double x = table.columns[column].numbers[row];
+  const Unit* stated_unit = unit_of(table.columns[column].head);
+  const double unit = stated_unit ? stated_unit->size : target_unit;
+  PositionReading reading;
+  reading.line = table.line[row];
+  reading.up = is_up(table, row);
+  reading.run = column >= first_run_column ? int(column - first_run_column) + 1
+                                           : int(table.value(row, run_column));
+  reading.target = written_target * target_unit;
+  // With equal units the difference is taken in the unit of the file, before the conversion:
+  // decimal fractions then cancel best.
+  if (column == deviation_column || (column >= first_run_column && stated_unit))
+    reading.deviation = x * unit;
+  else if (unit == target_unit)
+    reading.deviation = (x - written_target) * unit;
+  else
+    reading.deviation = x * unit - reading.target;
+  return reading;
 }
 
 struct NamedReadings {
@@ -290,31 +225,27 @@ struct NamedReadings {
 
 std::vector<PositionSet> read_position_csv(std::string_view text, const std::string& file,
                                            const PositionFileOptions& options) {
-  check_size(text, file, options);
-  TableLineReader lines(text, file);
-  const auto first = lines.next();
-  if (!first) lines.refuse(0, "a header such as target_mm,direction,run,deviation_um", "nothing");
-  const Head head = HeaderReader(lines, *first).read();
+  const TableFile table = read_table(text, file, position_schema(options));
+  const std::vector<std::size_t> columns = reading_columns(table);
+  if (table.rows() * columns.size() > options.max_readings)
+    throw BadInput(file, table.line.back(), 0,
+                   fmt::format("at most {} readings", options.max_readings), "more");
   std::vector<NamedReadings> sets;
-  std::size_t count = 0;
-  while (const auto line = lines.next()) {
-    Row row = read_row(lines, *line, head);
-    count += row.readings.size();
-    if (count > options.max_readings)
-      lines.refuse(0, fmt::format("at most {} readings", options.max_readings), "more");
-    auto set = std::find_if(sets.begin(), sets.end(),
-                            [&](const NamedReadings& s) { return s.name == row.set; });
-    if (set == sets.end()) {
+  for (std::size_t row = 0; row < table.rows(); ++row) {
+    const std::string_view name = table.has(set_column) ? table.columns[set_column].texts[row] : "";
+    auto named = std::ranges::find(sets, name, &NamedReadings::name);
+    if (named == sets.end()) {
       constexpr std::size_t max_sets = 1000;  // keeps the linear search short
-      if (sets.size() == max_sets) lines.refuse(0, "at most 1000 sets", "more");
-      set = sets.insert(sets.end(), {row.set, {}});
+      if (sets.size() == max_sets)
+        throw BadInput(file, table.line[row], 0, "at most 1000 sets", "more");
+      named = sets.insert(sets.end(), {std::string(name), {}});
     }
-    set->readings.insert(set->readings.end(), row.readings.begin(), row.readings.end());
+    for (const std::size_t k : columns) named->readings.push_back(reading_at(table, row, k));
   }
-  if (sets.empty()) lines.refuse(0, "at least one reading", "none");
+  const bool rotary = unit_of(table.columns[target_column].head)->rotary;
   std::vector<PositionSet> result;
-  for (NamedReadings& set : sets)
-    result.push_back({set.name, head.rotary, assemble_runs(std::move(set.readings), file)});
+  for (NamedReadings& named : sets)
+    result.push_back({named.name, rotary, assemble_runs(std::move(named.readings), file)});
   return result;
 }
 

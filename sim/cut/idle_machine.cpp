@@ -9,7 +9,7 @@
 
 #include "errors/geometric.h"
 #include "kinematics/inverse_kinematics.h"
-#include "kinematics/text.h"
+#include "kinematics/table_file.h"
 #include "kinematics/units.h"
 #include "sim/cut/process.h"
 #include "sim/machine/run_out.h"
@@ -247,121 +247,28 @@ Eigen::Matrix<double, 6, Eigen::Dynamic> source_contributions(
 
 namespace {
 
-constexpr std::size_t max_input_errors = 20;
-
-struct TimeUnit {
-  const char* head;
-  double seconds;
-};
-constexpr TimeUnit time_units[] = {{"time_s", 1.0}, {"time_min", 60.0}, {"time_h", 3600.0}};
-
-// Reads a pose list from text and collects the errors of its rows.
-class PoseReader {
- public:
-  PoseReader(std::string_view text, const std::string& file, const Chain& chain)
-      : lines_(text, file), chain_(chain) {
-    list_.file = file;
-    list_.others = kinematics::AxisVector::Zero(chain.size());
+/// Returns the schema of a list of poses: a column for each positioned axis, in the order of
+/// `joints`, then the time.
+TableSchema pose_schema(const Chain& chain, const std::vector<int>& joints) {
+  TableSchema schema{.max_rows = max_poses};
+  for (const int j : joints) {
+    const Joint& axis = chain.joints()[std::size_t(j)];
+    TableColumn column{.required = false, .min = axis.min, .max = axis.max};
+    column.names = {
+        {fmt::format("{}_{}", axis.name, position_unit_label(axis)), position_unit(axis)}};
+    if (axis.motion == Motion::Rotary) column.names.push_back({fmt::format("{}_rad", axis.name)});
+    schema.header += column.names.front().head + ",";
+    schema.columns.push_back(std::move(column));
   }
-
-  PoseList read() {
-    const auto head = lines_.next();
-    if (!head)
-      throw BadInput(list_.file, 1, 1, "a header such as " + known_columns(), "an empty file");
-    read_head(*head);
-    for (bool has_more_rows = true; has_more_rows;) {
-      try {
-        has_more_rows = read_row();
-      } catch (const BadInput& fault) {
-        // At most 20 errors, one for each row, since a mistake such as a wrong unit repeats in
-        // every row.
-        input_errors_.push_back(fault);
-        if (input_errors_.size() == max_input_errors) break;
-      }
-    }
-    if (!input_errors_.empty()) throw BadScene(input_errors_);
-    if (list_.size() == 0) lines_.refuse(0, "at least one pose", "none");
-    return std::move(list_);
-  }
-
- private:
-  std::string known_columns() const {
-    std::string names;
-    for (const Joint& joint : chain_.joints())
-      if (is_positioned(joint))
-        names += fmt::format("{}_{},", joint.name, position_unit_label(joint));
-    return names + "time_s";
-  }
-
-  PoseList::Column column(const Cell& cell) const {
-    for (const auto& [head, seconds] : time_units)
-      if (cell.text == head) return {head, -1, seconds};
-    const auto joint =
-        cell.text.size() > 2 && cell.text[1] == '_' ? chain_.find(cell.text[0]) : std::nullopt;
-    if (joint && is_positioned(chain_.joints()[std::size_t(*joint)])) {
-      const Joint& axis = chain_.joints()[std::size_t(*joint)];
-      const std::string_view unit = cell.text.substr(2);
-      if (unit == position_unit_label(axis))
-        return {std::string(cell.text), *joint, position_unit(axis)};
-      if (unit == "rad" && axis.motion == kinematics::Motion::Rotary)
-        return {std::string(cell.text), *joint, 1.0};
-    }
-    lines_.refuse(cell, "a column name of " + known_columns());
-  }
-
-  void read_head(const Line& line) {
-    separator_ = cell_separator(line.text);
-    const std::size_t max_cells = std::size_t(chain_.size()) + 1;
-    const std::vector<Cell> cells = split_cells(line.text, separator_, max_cells);
-    for (const Cell& cell : cells) {
-      PoseList::Column new_column = column(cell);
-      for (const PoseList::Column& listed : list_.columns)
-        if (listed.joint == new_column.joint)
-          lines_.refuse(cell,
-                        new_column.joint < 0 ? "only one time column" : "each axis only once");
-      list_.columns.push_back(std::move(new_column));
-    }
-    if (std::ranges::all_of(list_.columns,
-                            [](const PoseList::Column& listed) { return listed.joint < 0; }))
-      lines_.refuse(cells.front(), "a column for at least one axis");
-  }
-
-  /// Reads a row. @return false at the end of the text
-  bool read_row() {
-    const auto line = lines_.next();
-    if (!line) return false;
-    const std::size_t width = list_.columns.size();
-    const std::vector<Cell> cells = split_cells(line->text, separator_, width);
-    const auto expected = [&] { return fmt::format("{} cells, as in the header", width); };
-    if (cells.size() < width)
-      lines_.refuse(int(line->text.size()) + 1, expected(), fmt::format("{}", cells.size()));
-    if (cells.size() > width) lines_.refuse(cells[width].column, expected(), "more");
-    if (list_.size() == max_poses)
-      lines_.refuse(0, fmt::format("at most {} poses", max_poses), "more");
-    row_.clear();
-    for (std::size_t i = 0; i < width; ++i) row_.push_back(number(cells[i], list_.columns[i]));
-    if (!input_errors_.empty()) return true;  // after an error rows are only checked
-    list_.numbers.insert(list_.numbers.end(), row_.begin(), row_.end());
-    list_.line.push_back(line->number);
-    return true;
-  }
-
-  double number(const Cell& cell, const PoseList::Column& column) const {
-    const double value = lines_.number_in(cell);
-    if (column.joint < 0) return value;
-    const Joint& axis = chain_.joints()[std::size_t(column.joint)];
-    const double q = value * column.unit;
-    if (q < axis.min || q > axis.max) lines_.refuse(cell, travel_text(axis));
-    return value;
-  }
-
-  TableLineReader lines_;
-  const Chain& chain_;
-  PoseList list_;
-  char separator_ = ',';
-  std::vector<double> row_;
-  std::vector<BadInput> input_errors_;
-};
+  schema.header += "time_s";
+  schema.columns.push_back(
+      {.names = {{"time_s", 1.0}, {"time_min", 60.0}, {"time_h", 3600.0}}, .required = false});
+  schema.check_header = [time = joints.size()](const TableFile& header) {
+    if (header.order == std::vector{time})
+      header.throw_missing_column("a column for at least one axis");
+  };
+  return schema;
+}
 
 }  // namespace
 
@@ -388,7 +295,26 @@ std::string PoseList::text(std::size_t pose) const {
 }
 
 PoseList read_poses(std::string_view text, const std::string& file, const Chain& chain) {
-  return PoseReader(text, file, chain).read();
+  std::vector<int> joints;
+  for (int j = 0; j < chain.size(); ++j)
+    if (is_positioned(chain.joints()[std::size_t(j)])) joints.push_back(j);
+  TableFile table;
+  try {
+    table = read_table(text, file, pose_schema(chain, joints));
+  } catch (const BadTable& bad) {
+    throw BadScene(bad.input_errors);
+  }
+  PoseList list;
+  list.file = file;
+  list.line = table.line;
+  list.others = kinematics::AxisVector::Zero(chain.size());
+  for (const std::size_t k : table.order)
+    list.columns.push_back(
+        {table.columns[k].head, k < joints.size() ? joints[k] : -1, table.columns[k].unit});
+  list.numbers.reserve(table.rows() * table.order.size());
+  for (std::size_t row = 0; row < table.rows(); ++row)
+    for (const std::size_t k : table.order) list.numbers.push_back(table.columns[k].numbers[row]);
+  return list;
 }
 
 PoseList read_poses_file(const std::filesystem::path& file, const Chain& chain) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <optional>
 #include <stdexcept>
@@ -11,8 +10,7 @@
 
 #include <fmt/format.h>
 
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
+#include "kinematics/table_file.h"
 #include "kinematics/units.h"
 #include "sim/program/block_motion.h"
 
@@ -290,176 +288,61 @@ void LocationWriter::add(const Path& path) {
 
 namespace {
 
-// mm, rad, s and their rates; products of two such values stay finite
-constexpr double max_value = 1e12;
-
-/// The quantity, the axis and the unit (in mm, rad or s) of a column.
-struct Column {
-  enum class Kind { Time, Position, Velocity } kind = Kind::Time;
-  int joint = 0;
-  double unit = 1.0;
-};
-
-/// Reads a PVT file line by line. Every row after the first completes a cubic block.
-class PvtReader {
- public:
-  PvtReader(const std::string& file, const NcOptions& options)
-      : options_(options), start_(initial_position(options)) {
-    path_.file = file;
-  }
-
-  void read_line(std::string_view text, int line);
-  Path finish(int last_line);
-
- private:
-  [[noreturn]] void throw_input_error(const Cell& cell, std::string expected) const {
-    throw BadInput(path_.file, line_, cell.column, std::move(expected),
-                   cell.text.empty() ? "nothing" : shown(cell.text));
-  }
-  void read_header(const std::vector<Cell>& header);
-  Column column(const Cell& cell) const;
-  void check_header(const std::vector<Cell>& header) const;
-  void read_row(std::string_view text);
-  double number(const Cell& cell) const;
-  void append(PvtRow row);
-  std::string known_columns() const;
-
-  const NcOptions& options_;
-  Path path_;
-  int line_ = 0;
-  AxisVector start_;
-  std::vector<Column> columns_;
-  std::optional<PvtRow> last_row_;
-};
-
-std::string PvtReader::known_columns() const {
-  std::string names = "time_s";
-  for (const ControlledAxis& axis : options_.axes)
-    names += fmt::format(" {0}_{1} {0}_{1}_per_s", axis.name,
-                         axis.motion == Motion::Linear ? "mm" : "deg");
-  return names;
+void check_pvt_header(const TableFile& header) {
+  if (header.order.size() < 2) header.throw_missing_column("columns for at least one axis");
+  // Each axis needs a position and a velocity column, without which its cubic is undefined.
+  for (const std::size_t column : header.order)
+    if (column > 0 && !header.has(column % 2 == 1 ? column + 1 : column - 1))
+      header.throw_column_error(column, "a position and a velocity column for each axis");
 }
 
-// A column is named after its axis and unit, such as X_mm or S_deg_per_s.
-Column PvtReader::column(const Cell& cell) const {
-  if (cell.text == "time_s") return {Column::Kind::Time, -1, 1.0};
-  for (std::size_t j = 0; j < options_.axes.size(); ++j) {
-    const ControlledAxis& axis = options_.axes[j];
-    if (cell.text.size() < 4 || cell.text[0] != axis.name || cell.text[1] != '_') continue;
-    std::string_view unit = cell.text.substr(2);
-    const bool is_velocity = unit.ends_with("_per_s");
-    if (is_velocity) unit.remove_suffix(6);
-    const auto kind = is_velocity ? Column::Kind::Velocity : Column::Kind::Position;
-    if (axis.motion == Motion::Linear && unit == "mm") return {kind, int(j), 1.0};
-    if (axis.motion != Motion::Linear && unit == "deg") return {kind, int(j), units::deg};
-    if (axis.motion != Motion::Linear && unit == "rad") return {kind, int(j), 1.0};
-  }
-  throw_input_error(cell, "a column of " + known_columns());
-}
-
-// Each axis needs a position and a velocity column, without which its cubic is undefined.
-void PvtReader::check_header(const std::vector<Cell>& header) const {
-  bool has_time = false;
-  for (std::size_t i = 0; i < columns_.size(); ++i) {
-    has_time = has_time || columns_[i].kind == Column::Kind::Time;
-    bool has_partner = columns_[i].kind == Column::Kind::Time;
-    for (std::size_t k = 0; k < columns_.size(); ++k) {
-      if (columns_[k].joint != columns_[i].joint) continue;
-      if (k < i && columns_[k].kind == columns_[i].kind)
-        throw_input_error(header[i], "every column only once");
-      has_partner = has_partner || columns_[k].kind != columns_[i].kind;
+/// Returns the schema of a PVT file: time_s, then the position and the velocity of each axis.
+TableSchema pvt_schema(const NcOptions& options) {
+  // 1e12: products of two such numbers stay finite.
+  TableSchema schema{.header = "time_s",
+                     .separators = ",",
+                     .max_exponent = 12,
+                     .max_bytes = options.max_bytes,
+                     .min_rows = 2};
+  schema.check_header = check_pvt_header;
+  schema.columns.push_back({.names = {{"time_s"}}, .increasing = true});
+  for (const ControlledAxis& axis : options.axes)
+    for (const char* rate : {"", "_per_s"}) {
+      TableColumn column{.required = false};
+      if (axis.motion == Motion::Linear)
+        column.names = {{fmt::format("{}_mm{}", axis.name, rate)}};
+      else
+        column.names = {{fmt::format("{}_deg{}", axis.name, rate), units::deg},
+                        {fmt::format("{}_rad{}", axis.name, rate)}};
+      schema.header += "," + column.names.front().head;
+      schema.columns.push_back(std::move(column));
     }
-    if (!has_partner)
-      throw_input_error(header[i], "a position and a velocity column for each axis");
+  return schema;
+}
+
+/// Returns the row of a table. Axes without columns stay at their start.
+PvtRow pvt_row(const TableFile& table, std::size_t i, const AxisVector& start) {
+  PvtRow row{table.value(i, 0), start, AxisVector::Zero(start.size())};
+  for (Eigen::Index j = 0; j < start.size(); ++j) {
+    const std::size_t column = 1 + 2 * std::size_t(j);
+    if (!table.has(column)) continue;
+    row.position[j] = table.value(i, column);
+    row.velocity[j] = table.value(i, column + 1);
   }
-  if (!has_time) throw_input_error(header.front(), "a column time_s");
-  if (columns_.size() < 3) throw_input_error(header.front(), "columns for at least one axis");
+  return row;
 }
 
-void PvtReader::read_header(const std::vector<Cell>& header) {
-  // No header can have more cells. Reading stops here before a hostile line is split further.
-  if (header.size() > 1 + 2 * options_.axes.size())
-    throw_input_error(header[1 + 2 * options_.axes.size()], "the end of the line");
-  for (const Cell& cell : header) columns_.push_back(column(cell));
-  check_header(header);
-}
-
-double PvtReader::number(const Cell& cell) const {
-  double value = 0.0;
-  const char* end = cell.text.data() + cell.text.size();
-  const auto result = std::from_chars(cell.text.data(), end, value);
-  if (cell.text.empty() || result.ec != std::errc() || result.ptr != end)
-    throw_input_error(cell, "a number");
-  if (!(std::abs(value) <= max_value)) throw_input_error(cell, "a number of at most 1e12");
-  return value;
-}
-
-void PvtReader::read_row(std::string_view text) {
-  // Axes without columns stay at their start.
-  PvtRow row{0.0, start_, AxisVector::Zero(start_.size())};
-  const std::vector<Cell> cells = split_cells(text, ',', columns_.size());
-  if (cells.size() != columns_.size())
-    throw BadInput(path_.file, line_, cells.back().column,
-                   fmt::format("{} numbers", columns_.size()),
-                   cells.size() < columns_.size() ? fmt::format("{}", cells.size()) : "more");
-  for (std::size_t i = 0; i < columns_.size(); ++i) {
-    const double value = number(cells[i]) * columns_[i].unit;
-    switch (columns_[i].kind) {
-      case Column::Kind::Time:
-        row.time_s = value;
-        if (last_row_ && !(value > last_row_->time_s))
-          throw_input_error(cells[i], fmt::format("a time after {} s", last_row_->time_s));
-        break;
-      case Column::Kind::Position:
-        row.position[columns_[i].joint] = value;
-        break;
-      case Column::Kind::Velocity:
-        row.velocity[columns_[i].joint] = value;
-        break;
-    }
-  }
-  append(std::move(row));
-}
-
-void PvtReader::append(PvtRow row) {
-  if (last_row_) {
-    Block block;
-    block.line = line_;
-    block.interpolation = Interpolation::Cubic;
-    // Positions are those of the axes: no work offset applies.
-    block.work_offset = -1;
-    block.start_s = last_row_->time_s;
-    block.end_s = row.time_s;
-    block.start = last_row_->position;
-    block.end = row.position;
-    block.shape = std::uint32_t(path_.cubics.size());
-    path_.blocks.push_back(std::move(block));
-    path_.cubics.push_back({last_row_->velocity, row.velocity});
-    ++path_.motion_blocks;
-  }
-  last_row_ = std::move(row);
-}
-
-void PvtReader::read_line(std::string_view text, int line) {
-  line_ = line;
-  // As part of a cell a NUL byte would not be visible in the message.
-  if (const std::size_t nul = text.find('\0'); nul != std::string_view::npos)
-    throw BadInput(path_.file, line, int(nul) + 1, "text", "a NUL byte");
-  const std::size_t first_character = text.find_first_not_of(" \t");
-  if (first_character == std::string_view::npos || text[first_character] == '#') return;
-  if (columns_.empty())
-    read_header(split_cells(text, ',', 1 + 2 * options_.axes.size()));
-  else
-    read_row(text);
-}
-
-Path PvtReader::finish(int last_line) {
-  if (columns_.empty())
-    throw BadInput(path_.file, std::max(last_line, 1), 1, "a header time_s,...",
-                   "the end of the file");
-  if (path_.blocks.empty())
-    throw BadInput(path_.file, last_line, 1, "at least two rows", "the end of the file");
-  return std::move(path_);
+Block pvt_block(const PvtRow& from, const PvtRow& to, int line) {
+  Block block;
+  block.line = line;
+  block.interpolation = Interpolation::Cubic;
+  // Positions are those of the axes: no work offset applies.
+  block.work_offset = -1;
+  block.start_s = from.time_s;
+  block.end_s = to.time_s;
+  block.start = from.position;
+  block.end = to.position;
+  return block;
 }
 
 /// Returns the mean rate between two rows.
@@ -501,14 +384,21 @@ AxisVector hermite_position(const PvtRow& a, const PvtRow& b, double u) {
 }
 
 Path read_pvt(std::string_view text, const std::string& file, const NcOptions& options) {
-  if (text.size() > options.max_bytes)
-    throw BadInput(file, 0, 0, fmt::format("at most {} bytes", options.max_bytes),
-                   fmt::format("{}", text.size()));
-  check_encoding(text, file);
-  PvtReader reader(file, options);
-  LineReader lines(text);
-  while (const auto line = lines.next()) reader.read_line(*line, lines.number());
-  return reader.finish(lines.number());
+  const TableFile table = read_table(text, file, pvt_schema(options));
+  Path path;
+  path.file = file;
+  const AxisVector start = initial_position(options);
+  PvtRow last_row = pvt_row(table, 0, start);
+  for (std::size_t i = 1; i < table.rows(); ++i) {
+    PvtRow row = pvt_row(table, i, start);
+    Block block = pvt_block(last_row, row, table.line[i]);
+    block.shape = std::uint32_t(path.cubics.size());
+    path.blocks.push_back(std::move(block));
+    path.cubics.push_back({last_row.velocity, row.velocity});
+    ++path.motion_blocks;
+    last_row = std::move(row);
+  }
+  return path;
 }
 
 Path read_pvt_file(const std::filesystem::path& file, const NcOptions& options) {

