@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <ranges>
 #include <set>
 #include <span>
 #include <stdexcept>
@@ -51,6 +52,22 @@ inline constexpr std::string_view axis_letters = "XYZABCUVW";
 /// Smallest feed per minute; keeps every duration finite.
 inline constexpr double min_feed = 1e-9;
 
+/// Returns the value of a key, or nothing if the map does not have it.
+template <typename Map, typename Key>
+std::optional<typename Map::mapped_type> find_value(const Map& map, const Key& key) {
+  const auto entry = map.find(key);
+  return entry == map.end() ? std::nullopt : std::optional(entry->second);
+}
+
+/// Returns the numbers of a table of tools, "H1 H2", for messages.
+template <typename Entries>
+std::string known_numbers(Entries&& entries, std::string_view letter) {
+  std::string numbers;
+  for (auto&& [number, value] : entries)
+    numbers += fmt::format("{}{}{}", numbers.empty() ? "" : " ", letter, number);
+  return numbers.empty() ? "none known" : numbers;
+}
+
 /// State of every control: the run of the program, and the canon that receives the moves.
 class Control {
  protected:
@@ -89,6 +106,23 @@ class TemporaryFeed {
   program::Canon& canon_;
   const FeedMode mode_;
   const std::optional<Feed> feed_;
+};
+
+/// Replaces the frame until the end of the scope, after an error too.
+class TemporaryFrame {
+ public:
+  TemporaryFrame(program::Canon& canon, int system, program::Frame frame)
+      : canon_(canon), system_(system), frame_(canon.frame()) {
+    canon_.set_frame(system, std::move(frame));
+  }
+  ~TemporaryFrame() { canon_.set_frame(system_, std::move(frame_)); }
+  TemporaryFrame(const TemporaryFrame&) = delete;
+  TemporaryFrame& operator=(const TemporaryFrame&) = delete;
+
+ private:
+  program::Canon& canon_;
+  const int system_;
+  program::Frame frame_;
 };
 
 /// State of controls that are programmed in G codes: Fanuc, LinuxCNC and Siemens.

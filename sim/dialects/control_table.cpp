@@ -1,4 +1,5 @@
 #include "sim/dialects/control_table.h"
+#include "sim/dialects/expression.h"
 
 #include <array>
 #include <cmath>
@@ -83,8 +84,7 @@ void for_each_line(ControlTableParser& parser, const std::function<bool(Cursor&)
 
 double parse_table_number(Cursor& cursor, std::string_view what) {
   constexpr double max_value = 1e6;
-  cursor.skip_blanks();
-  const std::size_t start = cursor.at;
+  const std::size_t start = skip_blanks(cursor);
   const auto value = cursor.number();
   if (!value || !(std::abs(*value) <= max_value))
     cursor.throw_input_error(start, fmt::format("a number within 1e6 for {}", what));
@@ -97,8 +97,7 @@ double parse_table_number(Cursor& cursor, std::string_view what) {
 }
 
 int parse_table_integer(Cursor& cursor, int min_value, int max_value, std::string_view what) {
-  cursor.skip_blanks();
-  const std::size_t start = cursor.at;
+  const std::size_t start = skip_blanks(cursor);
   const auto value = cursor.number();
   if (!value || *value != std::floor(*value) || *value < min_value || *value > max_value)
     cursor.throw_input_error(
@@ -186,8 +185,7 @@ bool parse_parameter_line(ControlTableParser& parser, Cursor& cursor, G92Shift& 
   cursor.skip_blanks();
   if (cursor.at_end() || cursor.current() == ';' || cursor.current() == '#') return true;
   const int number = parse_table_integer(cursor, 1, 99'999, "a parameter number");
-  cursor.skip_blanks();
-  const std::size_t start = cursor.at;
+  const std::size_t start = skip_blanks(cursor);
   const double value = parse_table_number(cursor, "a parameter");
   cursor.skip_blanks();
   if (!cursor.at_end())

@@ -1,4 +1,5 @@
 #include "sim/dialects/control_table_files.h"
+#include "sim/dialects/expression.h"
 
 #include <algorithm>
 #include <array>
@@ -298,8 +299,7 @@ AssignmentTarget parse_assignment_target(Cursor& line) {
   while (!line.at_end() && line.current() != '[' && line.current() != '=' &&
          !is_blank(line.current()))
     target.name += upper(line.text[line.at++]);
-  line.skip_blanks();
-  if (line.current() == '[') {
+  if (next_char(line) == '[') {
     const std::size_t close = line.text.find(']', line.at);
     if (close == std::string_view::npos)
       line.throw_input_error(line.at, "a ] that closes the index");
@@ -313,8 +313,7 @@ AssignmentTarget parse_assignment_target(Cursor& line) {
     }
     line.at = close + 1;
   }
-  line.skip_blanks();
-  if (line.current() != '=') line.throw_input_error(line.at, "= after " + target.name);
+  if (next_char(line) != '=') line.throw_input_error(line.at, "= after " + target.name);
   ++line.at;
   return target;
 }
@@ -337,8 +336,7 @@ int table_index(const AssignmentTarget& target, std::size_t i, int max_index, co
 /// Skips a value: a text in "", or everything up to the next blank. Returns true if the value is
 /// zero or empty.
 bool skip_value(Cursor& line) {
-  line.skip_blanks();
-  const std::size_t from = line.at;
+  const std::size_t from = skip_blanks(line);
   if (line.current() == '"') {
     const std::size_t close = line.text.find('"', from + 1);
     if (close == std::string_view::npos)
@@ -353,8 +351,7 @@ bool skip_value(Cursor& line) {
 }
 
 std::string parse_text(Cursor& line) {
-  line.skip_blanks();
-  const std::size_t from = line.at;
+  const std::size_t from = skip_blanks(line);
   if (line.current() != '"') line.throw_input_error(from, "a name in \"\"");
   skip_value(line);
   return std::string(line.text.substr(from + 1, line.at - from - 2));
@@ -364,44 +361,28 @@ void parse_edge_value(ControlTableParser& parser, const AssignmentTarget& target
                       CuttingEdge& edge, Cursor& line) {
   const std::size_t from = line.at;
   const double value = parse_table_number(line, target.name);
-  const auto mm = [&] { return value == 0.0 ? 0.0 : value * parser.require_unit(line, from); };
   edge.is_defined = true;
-  switch (parameter) {
-    case 1:
-      // Types 100 to 299 are mills and drills, whose length 1 lies along the tool in G17. Turning
-      // tools (500 to 599) have other axes.
-      if (value != 0.0 && !(value >= 100.0 && value < 300.0))
-        line.throw_input_error(from, "a milling cutter or drill, type 100 to 299");
+  static constexpr std::pair<int, double CuttingEdge::*> lengths[] = {
+      {3, &CuttingEdge::length},
+      {6, &CuttingEdge::radius},
+      {12, &CuttingEdge::wear},
+      {15, &CuttingEdge::radius_wear},
+      {21, &CuttingEdge::base}};
+  for (const auto& [number, member] : lengths)
+    if (number == parameter) {
+      edge.*member = value == 0.0 ? 0.0 : value * parser.require_unit(line, from);
       return;
-    case 3:
-      edge.length = mm();
-      return;
-    case 6:
-      edge.radius = mm();
-      return;
-    case 12:
-      edge.wear = mm();
-      return;
-    case 15:
-      edge.radius_wear = mm();
-      return;
-    case 21:
-      edge.base = mm();
-      return;
-    // Lengths 2 and 3, their wear (13, 14) and base (22, 23).
-    case 4:
-    case 5:
-    case 13:
-    case 14:
-    case 22:
-    case 23:
-      if (value != 0.0)
-        line.throw_input_error(from,
-                               "0 for length 2 and 3: the tool length lies along the tool axis");
-      return;
-    default:
-      if (value != 0.0) parser.count_unused(fmt::format("$TC_DP{}", parameter));
-  }
+    }
+  if (value == 0.0) return;
+  // Lengths 2 and 3, their wear and base.
+  static constexpr int across[] = {4, 5, 13, 14, 22, 23};
+  if (std::ranges::find(across, parameter) != std::end(across))
+    line.throw_input_error(from, "0 for length 2 and 3: the tool length lies along the tool axis");
+  if (parameter != 1) return parser.count_unused(fmt::format("$TC_DP{}", parameter));
+  // Types 100 to 299 are mills and drills, whose length 1 lies along the tool in G17. Turning tools
+  // (500 to 599) have other axes.
+  if (!(value >= 100.0 && value < 300.0))
+    line.throw_input_error(from, "a milling cutter or drill, type 100 to 299");
 }
 
 /// Returns the number n of $TC_DPn, or nothing for another name.
@@ -453,22 +434,18 @@ void add_to_offset(ControlTableParser& parser, int offset_key, char axis, double
 /// Reads the value of a frame, for example CTRANS(X,10,Y,20):CFINE(X,0.1).
 void parse_frame(ControlTableParser& parser, int offset_key, Cursor& line) {
   while (true) {
-    line.skip_blanks();
-    const std::size_t from = line.at;
+    const std::size_t from = skip_blanks(line);
     if (!line.accept_word("CTRANS") && !line.accept_word("CFINE"))
       line.throw_input_error(
           from, "CTRANS or CFINE: a work offset without rotation, scaling and mirroring");
-    line.skip_blanks();
-    if (line.current() != '(') line.throw_input_error(line.at, "( and axes with their values");
+    if (next_char(line) != '(') line.throw_input_error(line.at, "( and axes with their values");
     do {
       ++line.at;
-      line.skip_blanks();
-      const std::size_t axis_from = line.at;
+      const std::size_t axis_from = skip_blanks(line);
       std::string name;
       while (is_letter(line.current())) name += upper(line.text[line.at++]);
       const char axis = axis_letter(name, line, axis_from);
-      line.skip_blanks();
-      if (line.current() != ',')
+      if (next_char(line) != ',')
         line.throw_input_error(line.at, "a comma and the value of the axis");
       ++line.at;
       const double value = parse_table_number(line, name);
@@ -477,8 +454,7 @@ void parse_frame(ControlTableParser& parser, int offset_key, Cursor& line) {
     } while (line.current() == ',');
     if (line.current() != ')') line.throw_input_error(line.at, "a ) that closes the frame");
     ++line.at;
-    line.skip_blanks();
-    if (line.current() != ':') return;
+    if (next_char(line) != ':') return;
     ++line.at;
   }
 }
@@ -491,8 +467,7 @@ void parse_offset(ControlTableParser& parser, const AssignmentTarget& target, in
   if (target.index.size() != 3)
     line.throw_input_error(target.from,
                            "an index consisting of a number, an axis and TR, FI, RT, SC or MI");
-  line.skip_blanks();
-  const std::size_t from = line.at;
+  const std::size_t from = skip_blanks(line);
   const double value = parse_table_number(line, target.name);
   const std::string& component = target.index[2];
   const char axis = axis_letter(target.index[1], line, target.from);
@@ -519,8 +494,7 @@ void parse_numbered_offset(ControlTableParser& parser, const AssignmentTarget& t
 }
 
 bool parse_siemens_line(ControlTableParser& parser, CuttingEdges& edges, Cursor& line) {
-  line.skip_blanks();
-  if (line.current() == '%') return true;  // file names such as %_N_TO1_TOA
+  if (next_char(line) == '%') return true;  // file names such as %_N_TO1_TOA
   for (; !line.at_end() && line.current() != ';'; line.skip_blanks()) {
     const std::size_t from = line.at;
     const char c = upper(line.current());

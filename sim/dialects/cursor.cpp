@@ -116,15 +116,8 @@ std::optional<double> Cursor::number(bool sign, bool blanks_within) {
 }
 
 std::string_view name_of(WordTreatment use) {
-  switch (use) {
-    case WordTreatment::Read:
-      return "read";
-    case WordTreatment::WithoutEffect:
-      return "without effect";
-    case WordTreatment::Refused:
-      return "refused";
-  }
-  return "";
+  static constexpr std::string_view names[] = {"read", "without effect", "refused"};
+  return names[std::size_t(use)];
 }
 
 // A linear search is fast enough: tables have at most a few hundred words.

@@ -182,8 +182,7 @@ double parse_bracketed(Cursor& cursor, const ExpressionGrammar& grammar, Operand
     cursor.throw_input_error(open, std::string("an expression in ") + grammar.open + grammar.close);
   ++cursor.at;
   const double inner = parse_expression(cursor, grammar, operands);
-  cursor.skip_blanks();
-  if (cursor.current() != grammar.close)
+  if (next_char(cursor) != grammar.close)
     cursor.throw_input_error(cursor.at, std::string(1, grammar.close) + " or an operator");
   ++cursor.at;
   return inner;

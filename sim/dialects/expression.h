@@ -55,6 +55,13 @@ inline std::size_t skip_blanks(Cursor& cursor) {
   cursor.skip_blanks();
   return cursor.at;
 }
+/// Advances past blanks and returns the character there.
+inline char next_char(Cursor& cursor) { return cursor.skip_blanks(), cursor.current(); }
+/// Advances past a text as `Cursor::accept` does. Throws BadInput with `expected` if it does not
+/// follow.
+inline void expect_text(Cursor& cursor, std::string_view text, std::string_view expected) {
+  if (!cursor.accept(text)) cursor.throw_input_error(cursor.at, std::string(expected));
+}
 
 // Arithmetic expressions of the dialects; a grammar holds the differences.
 

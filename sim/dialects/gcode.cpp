@@ -19,6 +19,15 @@ void Block::clear() {
   name_assignments.clear();
 }
 
+const Word* Block::first_word(std::string_view letters) const {
+  const Word* first = nullptr;
+  for (const char letter : letters)
+    if (const Word& word = (*this)[letter];
+        word && (first == nullptr || word.column < first->column))
+      first = &word;
+  return first;
+}
+
 BlockReader::BlockReader(Cursor& cursor, ProgramRun& run, Block& block)
     : cursor_(cursor), run_(run), block_(block) {
   block.clear();
@@ -91,17 +100,27 @@ void BlockReader::put_code(const Word& word, Group group, bool must_be_unique,
   block_.codes.put(std::size_t(group), {tenths_of(word), word});
 }
 
-void BlockReader::put_word(std::size_t slot, const Word& word) {
-  if (const Word& previous = block_.words[slot])
+void BlockReader::put_word(const Word& word) {
+  if (const Word& previous = block_[word.letter])
     run_.canon.throw_input_error(
         word, std::string("only one ") + word.letter + " per block",
         fmt::format("{} after {}", shown(word.text), shown(previous.text)));
-  block_.words.put(slot, word);
+  block_.words.put(Block::slot(word.letter), word);
 }
 
 std::string_view letters_of_code(std::span<const CodeLetters> table, int tenths) {
   const auto entry = std::ranges::find(table, tenths, &CodeLetters::tenths);
   return entry == table.end() ? std::string_view() : entry->letters;
+}
+
+void mark_stated_modes(ProgramRun& run, const Block& block) {
+  static constexpr std::pair<Group, StartMode> groups[] = {
+      {Group::Units, StartMode::Units},          {Group::Distance, StartMode::Distance},
+      {Group::Plane, StartMode::Plane},          {Group::FeedMode, StartMode::Feed},
+      {Group::Motion, StartMode::Motion},        {Group::Cycle, StartMode::Motion},
+      {Group::WorkOffset, StartMode::WorkOffset}};
+  for (const auto& [group, mode] : groups)
+    if (block[group]) run.mark_stated(mode);
 }
 
 void check_skipped_code(const program::Canon& canon, const Block& block, const Word* axis) {

@@ -68,11 +68,14 @@ struct Block {
   std::vector<std::pair<std::string, double>> name_assignments;  ///< #<name> = value
   bool is_deleted = false, is_percent_line = false;
 
-  const Word& operator[](char letter) const { return words[std::size_t(letter - 'A')]; }
-  const Word& radius() const { return words[26]; }   ///< @
-  const Word& angle() const { return words[27]; }    ///< ^
-  const Word& spindle() const { return words[28]; }  ///< $
-  bool is_polar() const { return radius() || angle(); }
+  /// Returns the slot of a letter or of @ ^ $.
+  static constexpr std::size_t slot(char letter) {
+    return letter == '@' ? 26 : letter == '^' ? 27 : letter == '$' ? 28 : std::size_t(letter - 'A');
+  }
+  const Word& operator[](char letter) const { return words[slot(letter)]; }
+  bool is_polar() const { return (*this)['@'] || (*this)['^']; }
+  /// Returns the first word of the block that has one of the letters, or null.
+  const Word* first_word(std::string_view letters) const;
   const Code& operator[](Group group) const { return codes[std::size_t(group)]; }
   int tenths(Group group) const { return codes[std::size_t(group)].tenths; }
   bool empty() const { return words.empty() && codes.empty(); }
@@ -96,7 +99,7 @@ class BlockReader {
   /// Puts a code into its group. Throws BadInput if `must_be_unique` and the group has one.
   void put_code(const Word& word, Group group, bool must_be_unique, std::string_view expected);
   /// Puts a word into its slot. Throws BadInput if the block has one of its letter.
-  void put_word(std::size_t slot, const Word& word);
+  void put_word(const Word& word);
 
   Cursor& cursor_;
   ProgramRun& run_;
@@ -116,6 +119,9 @@ struct CodeLetters {
 };
 /// Returns the letters of a code; none if it is not in the table.
 std::string_view letters_of_code(std::span<const CodeLetters> table, int tenths);
+
+/// Records the modes that a block states.
+void mark_stated_modes(ProgramRun& run, const Block& block);
 
 /// Checks the axis words of a block, of which `axis` is the first, or null. Throws BadInput beside
 /// a skipped G code, which may give them another meaning.

@@ -10,6 +10,7 @@
 
 #include "kinematics/text.h"
 #include "sim/dialects/cursor.h"
+#include "sim/dialects/expression.h"
 
 namespace abbe::sim::dialects {
 
@@ -20,61 +21,51 @@ constexpr int max_searched_lines = 2000;
 // Bytes; signs are at the start of a line.
 constexpr std::size_t max_searched_bytes = 300;
 
-// A text that occurs in programs of one dialect only.
+// Texts, separated by |, that occur in programs of one dialect only.
+struct Signs {
+  Dialect dialect;
+  std::string_view texts;
+};
+
+// Words with no letter or digit before or after them.
+constexpr Signs word_signs[] = {
+    {Dialect::Siemens,
+     "TRAORI|TRAFOOF|CYCLE832|CYCLE800|SUPA|COMPCAD|COMPCURV|SOFT|FFWON|ORIWKS|ORIAXES|G642|G500|"
+     "GOTOF|GOTOB|ENDIF|ENDFOR|PROC|DEF REAL|DEF INT|MCALL|TRANS|ATRANS|AROT|WORKPIECE|M17"},
+    {Dialect::Fanuc, "G65|G66|M98|M99|G68.2|G43.5|G05.1|G5.1 Q1|G05 P10000|G08 P1|POPEN|DPRNT"},
+    {Dialect::LinuxCnc, "G64 P"},
+    {Dialect::Siemens, "DIAMON|DIAM90|DIAMOF"},
+    {Dialect::Fanuc, "G50 S"},
+    {Dialect::LinuxCnc, "G59.1|G59.2|G59.3"},
+};
+
+// Beginnings of lines, after blanks and a block number.
+constexpr Signs first_signs[] = {
+    {Dialect::Heidenhain, "BEGIN PGM|BLK FORM|TOOL CALL|CYCL DEF"},
+    {Dialect::Siemens, "%_N_|;$PATH=|MSG("},
+    {Dialect::Cl,
+     "PARTNO|GOTO/|GOTO /|FEDRAT/|FEDRAT /|MULTAX|LOADTL|UNITS/|UNITS /|$$|TOOL "
+     "PATH/|TLDATA/|SPINDL/|SPINDL /|PPRINT|X,Y,Z|X;Y;Z|X_MM,Y_MM,Z_MM"},
+    {Dialect::LinuxCnc, "O<"},
+};
+
 struct Sign {
   Dialect dialect;
   std::string_view text;
 };
 
-// Words with no letter or digit before or after them.
-constexpr Sign word_signs[] = {
-    {Dialect::Siemens, "TRAORI"},    {Dialect::Siemens, "TRAFOOF"},  {Dialect::Siemens, "CYCLE832"},
-    {Dialect::Siemens, "CYCLE800"},  {Dialect::Siemens, "SUPA"},     {Dialect::Siemens, "COMPCAD"},
-    {Dialect::Siemens, "COMPCURV"},  {Dialect::Siemens, "SOFT"},     {Dialect::Siemens, "FFWON"},
-    {Dialect::Siemens, "ORIWKS"},    {Dialect::Siemens, "ORIAXES"},  {Dialect::Siemens, "G642"},
-    {Dialect::Siemens, "G500"},      {Dialect::Siemens, "GOTOF"},    {Dialect::Siemens, "GOTOB"},
-    {Dialect::Siemens, "ENDIF"},     {Dialect::Siemens, "ENDFOR"},   {Dialect::Siemens, "PROC"},
-    {Dialect::Siemens, "DEF REAL"},  {Dialect::Siemens, "DEF INT"},  {Dialect::Siemens, "MCALL"},
-    {Dialect::Siemens, "TRANS"},     {Dialect::Siemens, "ATRANS"},   {Dialect::Siemens, "AROT"},
-    {Dialect::Siemens, "WORKPIECE"}, {Dialect::Siemens, "M17"},      {Dialect::Fanuc, "G65"},
-    {Dialect::Fanuc, "G66"},         {Dialect::Fanuc, "M98"},        {Dialect::Fanuc, "M99"},
-    {Dialect::Fanuc, "G68.2"},       {Dialect::Fanuc, "G43.5"},      {Dialect::Fanuc, "G05.1"},
-    {Dialect::Fanuc, "G5.1 Q1"},     {Dialect::Fanuc, "G05 P10000"}, {Dialect::Fanuc, "G08 P1"},
-    {Dialect::Fanuc, "POPEN"},       {Dialect::Fanuc, "DPRNT"},      {Dialect::LinuxCnc, "G64 P"},
-    {Dialect::Siemens, "DIAMON"},    {Dialect::Siemens, "DIAM90"},   {Dialect::Siemens, "DIAMOF"},
-    {Dialect::Fanuc, "G50 S"},       {Dialect::LinuxCnc, "G59.1"},   {Dialect::LinuxCnc, "G59.2"},
-    {Dialect::LinuxCnc, "G59.3"},
-};
-
-// Beginnings of lines, after blanks and a block number.
-constexpr Sign first_signs[] = {
-    {Dialect::Heidenhain, "BEGIN PGM"},
-    {Dialect::Heidenhain, "BLK FORM"},
-    {Dialect::Heidenhain, "TOOL CALL"},
-    {Dialect::Heidenhain, "CYCL DEF"},
-    {Dialect::Siemens, "%_N_"},
-    {Dialect::Siemens, ";$PATH="},
-    {Dialect::Siemens, "MSG("},
-    {Dialect::Cl, "PARTNO"},
-    {Dialect::Cl, "GOTO/"},
-    {Dialect::Cl, "GOTO /"},
-    {Dialect::Cl, "FEDRAT/"},
-    {Dialect::Cl, "FEDRAT /"},
-    {Dialect::Cl, "MULTAX"},
-    {Dialect::Cl, "LOADTL"},
-    {Dialect::Cl, "UNITS/"},
-    {Dialect::Cl, "UNITS /"},
-    {Dialect::Cl, "$$"},
-    {Dialect::Cl, "TOOL PATH/"},
-    {Dialect::Cl, "TLDATA/"},
-    {Dialect::Cl, "SPINDL/"},
-    {Dialect::Cl, "SPINDL /"},
-    {Dialect::Cl, "PPRINT"},
-    {Dialect::Cl, "X,Y,Z"},
-    {Dialect::Cl, "X;Y;Z"},
-    {Dialect::Cl, "X_MM,Y_MM,Z_MM"},
-    {Dialect::LinuxCnc, "O<"},
-};
+/// Returns the first sign of a table that meets a condition.
+template <typename Condition>
+std::optional<Sign> find_sign(std::span<const Signs> table, const Condition& is_present) {
+  for (const Signs& signs : table)
+    for (std::size_t at = 0; at <= signs.texts.size();) {
+      const std::size_t end = std::min(signs.texts.find('|', at), signs.texts.size());
+      const std::string_view text = signs.texts.substr(at, end - at);
+      if (is_present(text)) return Sign{signs.dialect, text};
+      at = end + 1;
+    }
+  return std::nullopt;
+}
 
 // The point is included, so that G68.2 is not mistaken for G68.
 bool is_word_byte(char c) { return is_letter(c) || is_digit(c) || c == '_' || c == '.'; }
@@ -156,8 +147,7 @@ std::optional<std::string> assignment(std::string_view line) {
 std::string_view strip_block_number(std::string_view line) {
   static const std::string nowhere;
   Cursor cursor{line, {nowhere, 0}};
-  cursor.skip_blanks();
-  const std::size_t start = cursor.at;
+  const std::size_t start = skip_blanks(cursor);
   if (cursor.current() == 'N') ++cursor.at;
   const std::size_t digits = cursor.at;
   while (is_digit(cursor.current())) ++cursor.at;
@@ -170,12 +160,14 @@ std::string_view strip_block_number(std::string_view line) {
 std::optional<Sign> find_dialect_sign(std::string_view line, std::string& assignment_text) {
   const std::string_view statement = strip_block_number(line);
   // The most explicit signs come first.
-  for (const Sign& sign : first_signs)
-    if (statement.starts_with(sign.text)) return sign;
+  if (const auto sign = find_sign(
+          first_signs, [&](std::string_view text) { return statement.starts_with(text); }))
+    return sign;
   if (is_o_word(statement)) return Sign{Dialect::LinuxCnc, "an O word"};
   if (is_program_number(statement)) return Sign{Dialect::Fanuc, "a program number O"};
-  for (const Sign& sign : word_signs)
-    if (is_whole_word(statement, sign.text)) return sign;
+  if (const auto sign = find_sign(
+          word_signs, [&](std::string_view text) { return is_whole_word(statement, text); }))
+    return sign;
   if (statement.find("#<") != std::string_view::npos) return Sign{Dialect::LinuxCnc, "#<"};
   // Fanuc, LinuxCNC and Heidenhain assign in lines with #, Q or FN.
   if (statement.find('#') == std::string_view::npos && !statement.empty() && statement[0] != 'Q' &&
@@ -193,33 +185,22 @@ std::optional<Dialect> dialect_by_extension(std::string_view file) {
   if (dot == std::string_view::npos) return std::nullopt;
   std::string extension;
   for (const char c : file.substr(dot + 1)) extension += upper(c);
-  if (extension == "MPF" || extension == "SPF") return Dialect::Siemens;
-  if (extension == "H" || extension == "HH") return Dialect::Heidenhain;
-  if (extension == "CL" || extension == "CLS" || extension == "APT" || extension == "CLD" ||
-      extension == "NCL")
-    return Dialect::Cl;
-  if (extension == "EIA" || extension == "FNC") return Dialect::Fanuc;
+  static constexpr Signs extensions[] = {{Dialect::Siemens, "MPF|SPF"},
+                                         {Dialect::Heidenhain, "H|HH"},
+                                         {Dialect::Cl, "CL|CLS|APT|CLD|NCL"},
+                                         {Dialect::Fanuc, "EIA|FNC"}};
+  if (const auto sign =
+          find_sign(extensions, [&](std::string_view text) { return text == extension; }))
+    return sign->dialect;
   return std::nullopt;
 }
 
 }  // namespace
 
 std::string_view name_of(Dialect dialect) {
-  switch (dialect) {
-    case Dialect::Auto:
-      return "auto";
-    case Dialect::LinuxCnc:
-      return "linuxcnc";
-    case Dialect::Fanuc:
-      return "fanuc";
-    case Dialect::Siemens:
-      return "siemens";
-    case Dialect::Heidenhain:
-      return "heidenhain";
-    case Dialect::Cl:
-      return "cl";
-  }
-  return "";
+  static constexpr std::string_view names[] = {"auto",    "linuxcnc",   "fanuc",
+                                               "siemens", "heidenhain", "cl"};
+  return names[std::size_t(dialect)];
 }
 
 DetectedDialect detect_dialect(std::string_view text, std::string_view file) {

@@ -53,20 +53,6 @@ std::span<const FrontEnd> front_ends() {
 
 namespace {
 
-constexpr std::size_t max_word_bytes = 40;  // no word of any dialect is longer
-
-/// A word in upper case in a fixed buffer, so that no memory is allocated for each of a million
-/// words.
-struct WordBuffer {
-  std::array<char, max_word_bytes> letters{};
-  std::size_t size = 0;
-
-  void append(char c) {
-    if (size < letters.size()) letters[size++] = c;
-  }
-  std::string_view text() const { return {letters.data(), size}; }
-};
-
 /// Entries of a word table, by word.
 using WordIndex = std::unordered_map<std::string_view, const WordTableEntry*>;
 
@@ -103,16 +89,15 @@ class WordCounter {
 /// Counts the word at `at` and advances past it and its number. G01 counts as the code G1 if the
 /// dialect has that code; otherwise only the letters are counted.
 void count_word(std::string_view line, std::size_t& at, int line_number, WordCounter& counter) {
-  WordBuffer word;
-  while (at < line.size() && (is_letter(line[at]) || line[at] == '_'))
-    word.append(upper(line[at++]));
-  WordBuffer code = word;
+  std::string word;
+  while (at < line.size() && (is_letter(line[at]) || line[at] == '_')) word += upper(line[at++]);
+  std::string code = word;
   std::size_t from = at;
   // Leading zeros: G01 is G1, but G0 keeps its zero.
   while (from + 1 < line.size() && line[from] == '0' && is_digit(line[from + 1])) ++from;
   std::size_t end = from;
-  while (end < line.size() && (is_digit(line[end]) || line[end] == '.')) code.append(line[end++]);
-  if (end == at || !counter.add(code.text(), line_number)) counter.add(word.text(), line_number);
+  while (end < line.size() && (is_digit(line[end]) || line[end] == '.')) code += line[end++];
+  if (end == at || !counter.add(code, line_number)) counter.add(word, line_number);
   at = end;
 }
 
@@ -137,11 +122,11 @@ void count_line(std::string_view line, int line_number, WordCounter& counter) {
 void count_major_word(std::string_view line, int line_number, WordCounter& counter) {
   std::size_t at = 0;
   while (at < line.size() && is_blank(line[at])) ++at;
-  WordBuffer word;
+  std::string word;
   while (at < line.size() &&
          (is_letter(line[at]) || is_digit(line[at]) || line[at] == '-' || line[at] == '_'))
-    word.append(upper(line[at++]));
-  counter.add(word.text(), line_number);
+    word += upper(line[at++]);
+  counter.add(word, line_number);
 }
 
 }  // namespace

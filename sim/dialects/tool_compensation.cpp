@@ -133,8 +133,6 @@ void CutterCompensation::end() {
   is_on_ = has_entered_ = false;
 }
 
-const AxisVector& CutterCompensation::programmed() const { return programmed_; }
-
 AxisVector CutterCompensation::end_of(const Target& target) const {
   return canon_.target_position_from(programmed_, target, false);
 }
@@ -340,10 +338,10 @@ void CutterCompensation::round_outside_corner(const OffsetSegment& next, const V
 
 /// Makes the waiting move with the feed and the line of its own block, then the postponed actions.
 void CutterCompensation::make_waiting_move() {
+  const auto feed = canon_.feed();
+  const int line = canon_.line(), file = canon_.file();
   if (waiting_segment_) {
     const OffsetSegment segment = *std::exchange(waiting_segment_, std::nullopt);
-    const auto feed = canon_.feed();
-    const int line = canon_.line(), file = canon_.file();
     canon_.set_feed(segment.feed);
     canon_.set_line(segment.line, segment.file);
     AxisVector end = segment.programmed_end;
@@ -364,12 +362,8 @@ void CutterCompensation::make_waiting_move() {
       canon_.traverse({.end = std::move(end), .cause = cause});
     else
       canon_.straight_feed({.end = std::move(end), .cause = cause});
-    canon_.set_feed(feed);
-    canon_.set_line(line, file);
   }
   // Actions postponed until after the move, such as a tool change.
-  const auto feed = canon_.feed();
-  const int line = canon_.line(), file = canon_.file();
   for (const PostponedAction& postponed : std::exchange(postponed_actions_, {})) {
     canon_.set_feed(postponed.feed);
     canon_.set_line(postponed.line, postponed.file);

@@ -60,11 +60,9 @@ class CutterCompensation {
   /// Makes the waiting move and ends compensation; the next move leads from the offset position to
   /// its programmed end.
   void end();
-  /// Ends compensation at the end of the program.
-  void finish() { end(); }
 
   /// Returns the programmed position, from which the tool is offset.
-  const kinematics::AxisVector& programmed() const;
+  const kinematics::AxisVector& programmed() const { return programmed_; }
   /// Returns the end of a move that begins at the programmed position.
   kinematics::AxisVector end_of(const program::Target& target) const;
   /// Shifts the programmed position, for example when X Z begin to lead another point of the tool.

@@ -38,18 +38,17 @@ std::optional<Chain> orientation_chain(const Chain& chain) {
   return with_free_slides(chain);
 }
 
-// The chain is ordered from the workpiece through the bed to the tool, so workpiece joints are
-// visited in reverse.
-std::vector<int> rotary_joints_in_order(const Chain& chain) {
+/// Returns the rotary joints from the bed on, those of one side first.
+std::vector<int> rotary_joints_from_bed(const Chain& chain, Side first_side) {
   std::vector<int> joints;
-  for (int j = 0; j < chain.size(); ++j)
-    if (const auto& joint = chain.joints()[std::size_t(j)];
-        joint.motion == Motion::Rotary && joint.side == Side::Tool)
-      joints.push_back(j);
-  for (int j = chain.size() - 1; j >= 0; --j)
-    if (const auto& joint = chain.joints()[std::size_t(j)];
-        joint.motion == Motion::Rotary && joint.side == Side::Workpiece)
-      joints.push_back(j);
+  for (const Side side : {first_side, first_side == Side::Tool ? Side::Workpiece : Side::Tool})
+    for (int k = 0; k < chain.size(); ++k) {
+      // The chain is ordered from the workpiece through the bed to the tool.
+      const int j = side == Side::Tool ? k : chain.size() - 1 - k;
+      if (const auto& joint = chain.joints()[std::size_t(j)];
+          joint.motion == Motion::Rotary && joint.side == side)
+        joints.push_back(j);
+    }
   return joints;
 }
 
@@ -98,7 +97,7 @@ Chain with_free_slides(const Chain& chain) {
 OrientationKinematics::OrientationKinematics(const std::optional<Chain>& control) {
   if (!control) return;
   free_ = orientation_chain(*control);
-  if (free_) rotary_ = rotary_joints_in_order(*free_);
+  if (free_) rotary_ = rotary_joints_from_bed(*free_, Side::Tool);
 }
 
 Vector3d OrientationKinematics::direction_w(const AxisVector& q) const {
@@ -269,14 +268,7 @@ kinematics::Pole right_angled_pole(const Chain& chain, const AxisVector& q) {
 }  // namespace
 
 std::vector<int> rotary_judgement_order(const Chain& chain) {
-  std::vector<int> table, head;
-  for (int j = 0; j < chain.size(); ++j) {
-    const kinematics::Joint& joint = chain.joints()[std::size_t(j)];
-    if (joint.motion == Motion::Rotary) (joint.side == Side::Tool ? head : table).push_back(j);
-  }
-  std::reverse(table.begin(), table.end());  // joints of the chain go from the workpiece to the bed
-  table.insert(table.end(), head.begin(), head.end());
-  return table;
+  return rotary_joints_from_bed(chain, Side::Workpiece);
 }
 
 const AxisVector& output_judgement(std::span<const AxisVector> branches, const AxisVector& position,

@@ -546,16 +546,9 @@ void Machine::arc(const Location& to, const Cause& cause, bool stated) {
     }
   move.first = x;
   move.second = y;
-  // Otherwise the frame is rotated for this arc, and restored after errors too.
-  const program::Frame frame = canon_.frame();
-  canon_.set_frame(0, {frame.shift, frame_about(circle.axis)});
-  try {
-    canon_.arc(std::move(move));
-  } catch (const BadInput&) {
-    canon_.set_frame(0, frame);
-    throw;
-  }
-  canon_.set_frame(0, frame);
+  // Otherwise the frame is rotated for this arc.
+  const TemporaryFrame frame(canon_, 0, {canon_.frame().shift, frame_about(circle.axis)});
+  canon_.arc(std::move(move));
 }
 
 namespace {

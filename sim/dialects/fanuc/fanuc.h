@@ -63,7 +63,7 @@ class Machine : public GCodeControl {
   bool has_moved() const { return has_moved_; }
   /// Issues the moves still pending at the end of the program.
   void finish() {
-    compensation_.finish();
+    compensation_.end();
     vector_lines_.finish();
   }
 
@@ -106,7 +106,7 @@ class Machine : public GCodeControl {
   void check_whole_block_code(const Block& block) const;
   void execute_one_shot(const Block& block);
   void dwell(const Block& block);
-  const Word* first_axis_word(const Block& block) const;
+  const Word* first_axis_word(const Block& block) const { return block.first_word(word_letters()); }
   Cause motion_cause(const Block& block) const;
   double apply_increment(const Word& word, double increment);
   /// Returns the letters of axis words. On a turning control U V W H are increments of X Y Z C.
@@ -179,10 +179,7 @@ class Machine : public GCodeControl {
   void warn_low_start();
   void make_holes(const Block& block);
   void make_hole(const AxisVector& position);
-  void finish_hole();
   void make_pecks();
-  void back_bore();
-  void turn_tap(int direction);
   void move_to_level(double level, bool rapid);
   void shift_tool(double distance);
 

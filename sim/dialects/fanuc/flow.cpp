@@ -1,3 +1,4 @@
+#include "sim/dialects/flow.h"
 #include "sim/dialects/fanuc/fanuc.h"
 #include "sim/dialects/read_program.h"
 
@@ -15,9 +16,25 @@ struct Program {
   std::optional<std::unordered_map<std::size_t, std::size_t>> loops = {};
 };
 
+/// A text with several programs.
+struct ProgramFile : Source {
+  std::vector<Program> programs;
+  std::size_t end = 0;  ///< line of the % that ends the file
+};
+
+/// A running program.
+struct Call {
+  Program* program = nullptr;
+  std::size_t return_line = 0;  ///< line of the caller to continue with
+  int remaining_repeats = 0;    ///< repeats still to come
+  bool has_locals = false;      ///< a macro call, with local variables of its own
+  bool is_modal = false;        ///< called by G66
+  std::vector<std::pair<int, double>> arguments = {};
+};
+
 /// Flow of a program: executes variables, conditions, loops, jumps and calls, and passes all other
 /// blocks to the machine.
-class Flow : public MacroOperands {
+class Flow : public ProgramFlow<ProgramFile, Call, MacroOperands> {
  public:
   Flow(std::string_view text, ProgramRun& run);
   void run();
@@ -25,22 +42,6 @@ class Flow : public MacroOperands {
   std::optional<double> parse_operand(Cursor& cursor) override;
 
  private:
-  struct Source {
-    std::string text;  ///< text of a subprogram file; empty for the main program
-    std::vector<std::string_view> lines;
-    std::vector<Program> programs;
-    std::size_t end = 0;  ///< line of the % that ends the file
-    int file = 0;         ///< file number in the canon
-  };
-  /// A running program.
-  struct Call {
-    Program* program = nullptr;
-    std::size_t return_line = 0;  ///< line of the caller to continue with
-    int remaining_repeats = 0;    ///< repeats still to come
-    bool has_locals = false;      ///< a macro call, with local variables of its own
-    bool is_modal = false;        ///< called by G66
-    std::vector<std::pair<int, double>> arguments = {};
-  };
   /// A modal call (G66), repeated after every block that moves.
   struct ModalCall {
     int program = 0, repeats = 1;
@@ -49,9 +50,9 @@ class Flow : public MacroOperands {
   };
 
   // Lines, statements and variables.
-  bool execute_line();
+  bool execute_line() override;
   bool execute_statement(Cursor& cursor);
-  bool execute_block(Cursor cursor);
+  bool execute_block(Cursor cursor) override;
   void execute_assignment(Cursor& cursor);
   void set_variable(int number, double value, const Cursor& cursor, std::size_t from);
   void raise_alarm(const Cursor& cursor, double number);
@@ -60,10 +61,11 @@ class Flow : public MacroOperands {
   double read_variable(int number, const Cursor& cursor, std::size_t from);
   void expect_end(Cursor& cursor);
   int parse_whole_number(Cursor& cursor, int max, std::string_view what);
-  Source& source() { return *sources_[calls_.back().program->source]; }
+  const Source& source() const override { return *sources_[calls_.back().program->source]; }
+  bool is_call_at_end() const override { return line_index_ >= calls_.back().program->end; }
 
   // Programs, loops and calls.
-  void add_programs(std::size_t source);
+  void add_programs(ProgramFile& file);
   void execute_if(Cursor& cursor);
   void begin_loop(Cursor& cursor, std::size_t from, bool conditional);
   void end_loop(Cursor& cursor, std::size_t from);
@@ -76,19 +78,13 @@ class Flow : public MacroOperands {
   void enter_program(Program* program, Call call, const Cause& cause);
   void leave_program(std::optional<int> to, const Cause& cause);
   void keep_modal_arguments();
-  void end_without_return();
+  void end_call() override;
   void warn_of_unread_lines();
   std::vector<std::pair<int, double>> macro_arguments(const Block& block);
 
-  ProgramRun& run_;
   Machine machine_;
-  Variables variables_;
-  std::vector<std::unique_ptr<Source>> sources_;
-  std::vector<Call> calls_;
   std::optional<ModalCall> modal_call_;
   std::map<int, Program*> programs_by_number_;
-  std::size_t line_index_ = 0;  ///< current line of the running program's file, from 0
-  bool has_ended_ = false;
   Block block_;
 };
 
@@ -104,31 +100,13 @@ bool is_common(int number) {
 
 }  // namespace
 
-Flow::Flow(std::string_view text, ProgramRun& run)
-    : run_(run), machine_(run), variables_(run.options().limits.variables) {
-  auto main = std::make_unique<Source>();
-  main->lines = lines_of_text(text);
-  sources_.push_back(std::move(main));
-  add_programs(0);
+Flow::Flow(std::string_view text, ProgramRun& run) : ProgramFlow(run), machine_(run) {
+  add_programs(add_source(text));
   calls_.push_back({.program = &sources_[0]->programs.front()});
 }
 
 void Flow::run() {
-  run_.run_startup_code([&](std::string_view code) { execute_block({code, run_.canon.place()}); });
-  while (!has_ended_ && !run_.is_aborted()) {
-    // The end of the lines ends a main program; in a subprogram M99 is missing.
-    if (line_index_ >= calls_.back().program->end) {
-      if (calls_.size() == 1) break;
-      run_.try_block([&] { end_without_return(); });
-      continue;
-    }
-    run_.canon.set_line(int(line_index_) + 1, source().file);
-    const std::size_t line_before = line_index_, depth_before = calls_.size();
-    // After an error reading continues at the next line, unless the statement itself has moved on.
-    if (!run_.try_block([&] { has_ended_ = !execute_line(); }) && line_index_ == line_before &&
-        calls_.size() == depth_before)
-      ++line_index_;
-  }
+  run_lines();
   run_.try_block([&] { machine_.finish(); });
   warn_of_unread_lines();
 }
@@ -138,8 +116,7 @@ bool Flow::execute_line() {
   run_.count_block();
   const std::string_view text = source().lines[line_index_];
   Cursor cursor{text, run_.canon.place()};
-  cursor.skip_blanks();
-  if (cursor.current() == '/') {
+  if (next_char(cursor) == '/') {
     if (run_.skips_block(read_skip_level(cursor))) {
       run_.discount_block();
       ++line_index_;
@@ -336,8 +313,7 @@ void Flow::execute_assignment(Cursor& cursor) {
   const int number = parse_variable_number(cursor);
   // A variable whose assignment has an error is uncertain: its uses are not reported again.
   run_.define(fmt::format("#{}", number), [&] {
-    if (!cursor.accept("="))
-      cursor.throw_input_error(cursor.at, "= after a variable at the start of a block");
+    expect_text(cursor, "=", "= after a variable at the start of a block");
     const double result = parse_expression(cursor, grammar(), *this);
     set_variable(number, result, cursor, from);
     expect_end(cursor);
@@ -361,11 +337,11 @@ std::optional<double> Flow::parse_operand(Cursor& cursor) {
     return angle < 0 ? angle + 360.0 : angle;
   }
   if (cursor.accept("POW")) {
-    if (!cursor.accept("[")) cursor.throw_input_error(cursor.at, "[base, exponent] after POW");
+    expect_text(cursor, "[", "[base, exponent] after POW");
     const double base = zero_if_vacant(parse_expression(cursor, grammar(), *this));
-    if (!cursor.accept(",")) cursor.throw_input_error(cursor.at, ", between base and exponent");
+    expect_text(cursor, ",", ", between base and exponent");
     const double power = std::pow(base, zero_if_vacant(parse_expression(cursor, grammar(), *this)));
-    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] after POW");
+    expect_text(cursor, "]", "] after POW");
     if (!std::isfinite(power)) cursor.throw_input_error(from, "a finite result");
     return power;
   }
@@ -376,9 +352,6 @@ std::optional<double> Flow::parse_operand(Cursor& cursor) {
 
 namespace {
 
-constexpr std::size_t max_file_bytes = std::size_t(1) << 26;  // bytes of a subprogram file
-// Bounds memory for a folder of generated programs.
-constexpr std::size_t max_sources = 1000;
 // The control accepts eight digits.
 constexpr int max_repeats = 99'999'999;
 constexpr int max_loops = 3;  // DO 1 to DO 3
@@ -452,8 +425,8 @@ int loop_number(std::string_view text) {
 
 /// Splits a file into programs. The file ends at the first % after words; several % before the
 /// first word count as one beginning.
-void Flow::add_programs(std::size_t source) {
-  Source& file = *sources_[source];
+void Flow::add_programs(ProgramFile& file) {
+  const std::size_t source = sources_.size() - 1;
   std::size_t end = file.lines.size();
   bool has_words_before = false;
   std::vector<Program> programs{{.source = source}};
@@ -489,9 +462,8 @@ void Flow::execute_if(Cursor& cursor) {
     ++line_index_;
     return;
   }
-  if (!cursor.accept("THEN")) cursor.throw_input_error(cursor.at, "GOTO or THEN after a condition");
-  cursor.skip_blanks();
-  if (cursor.current() != '#')
+  expect_text(cursor, "THEN", "GOTO or THEN after a condition");
+  if (next_char(cursor) != '#')
     cursor.throw_input_error(cursor.at, "an assignment to a variable after THEN");
   ++line_index_;
   if (is_true) execute_assignment(cursor);
@@ -523,14 +495,14 @@ void Flow::begin_loop(Cursor& cursor, std::size_t from, bool conditional) {
   if (conditional) {
     const double result = parse_bracketed(cursor, grammar(), *this);
     is_repeated = !is_vacant(result) && result != 0.0;
-    if (!cursor.accept("DO")) cursor.throw_input_error(cursor.at, "DO after the loop condition");
+    expect_text(cursor, "DO", "DO after the loop condition");
   }
   const int number = parse_whole_number(cursor, max_loops, "a loop");
   if (number < 1) cursor.throw_input_error(from, "DO1, DO2 or DO3");
   expect_end(cursor);
   const auto end = loop_lines().find(line_index_);
   if (end == loop_lines().end())
-    run_.canon.throw_input_error(cursor.cause(from), fmt::format("END{} after it", number), "none");
+    throw_input_error(cursor.cause(from), fmt::format("END{} after it", number), "none");
   line_index_ = is_repeated ? line_index_ + 1 : end->second + 1;
 }
 
@@ -539,7 +511,7 @@ void Flow::end_loop(Cursor& cursor, std::size_t from) {
   expect_end(cursor);
   const auto begin = loop_lines().find(line_index_);
   if (begin == loop_lines().end())
-    run_.canon.throw_input_error(cursor.cause(from), fmt::format("DO{} before it", number), "none");
+    throw_input_error(cursor.cause(from), fmt::format("DO{} before it", number), "none");
   line_index_ = begin->second;
 }
 
@@ -573,14 +545,7 @@ Program* Flow::program_in_file(int number) {
       std::error_code error;
       const std::filesystem::path file = folder / (stem + extension);
       if (!std::filesystem::is_regular_file(file, error)) continue;
-      if (sources_.size() == max_sources)
-        run_.canon.throw_input_error({1, {}}, "at most 1000 files of subprograms", "more");
-      auto source = std::make_unique<Source>();
-      source->text = read_text(file, max_file_bytes);
-      source->lines = lines_of_text(source->text);
-      source->file = run_.canon.add_file(file.string());
-      sources_.push_back(std::move(source));
-      add_programs(sources_.size() - 1);
+      add_programs(add_source_file(file, file.string()));
       std::vector<Program>& programs = sources_.back()->programs;
       const auto program = std::ranges::find(programs, number, &Program::number);
       return program != programs.end()      ? &*program
@@ -614,7 +579,7 @@ void Flow::enter_program(Program* program, Call call, const Cause& cause) {
     variables_.enter();
     for (const auto& [number, value] : call.arguments)
       if (!variables_.set(number, value, Variables::Scope::Call))
-        run_.canon.throw_input_error(cause, "fewer variables", "too many");
+        throw_input_error(cause, "fewer variables", "too many");
   }
   calls_.push_back(std::move(call));
   line_index_ = program->first;
@@ -629,7 +594,7 @@ void Flow::call_subprogram() {
         p ? std::optional(whole_number(run_.canon, p, 99'999'999)) : std::nullopt;
     return leave_program(to, code.word);
   }
-  if (!p) run_.canon.throw_input_error(code.word, "P (program) with M98", "none");
+  if (!p) throw_input_error(code.word, "P (program) with M98", "none");
   int number = whole_number(run_.canon, p, 99'999'999);
   int repeats = l ? whole_number(run_.canon, l, max_repeats) : 1;
   // Without L the digits before the last four are the number of repeats.
@@ -651,20 +616,20 @@ std::vector<std::pair<int, double>> Flow::macro_arguments(const Block& block) {
   int set_index = 0, last_index = -1;
   for (const Word& word : block.arguments) {
     int variable = local_variable_of_letter[word.letter - 'A'];
-    if (variable == 0) run_.canon.throw_input_error(word, "an argument A to F, H to K, M, Q to Z");
+    if (variable == 0) throw_input_error(word, "an argument A to F, H to K, M, Q to Z");
     if (word.letter >= 'I' && word.letter <= 'K') {
       const int index = word.letter - 'I';
       // A letter that does not follow in the order I J K begins the next set.
       if (index <= last_index) ++set_index;
       last_index = index;
       variable = 4 + 3 * set_index + index;
-      if (set_index > 9) run_.canon.throw_input_error(word, "I J K at most ten times");
+      if (set_index > 9) throw_input_error(word, "I J K at most ten times");
     }
     // The numbers of D H M S T are taken as written; others count increments without a point.
     const bool is_plain_number =
         std::string_view("DHMST").find(word.letter) != std::string_view::npos;
     if ((word.letter == 'E' || word.letter == 'F') && !word.is_in_full_units && word.value != 0.0)
-      run_.canon.throw_input_error(word, "a decimal point in argument E or F");
+      throw_input_error(word, "a decimal point in argument E or F");
     values.emplace_back(variable, is_plain_number ? word.value : machine_.word_value(word));
   }
   return values;
@@ -674,18 +639,17 @@ std::vector<std::pair<int, double>> Flow::macro_arguments(const Block& block) {
 void Flow::call_macro() {
   const Code& code = block_[Group::Macro];
   const Word &p = block_['P'], &l = block_['L'];
-  if (!p)
-    run_.canon.throw_input_error(code.word, "P (program) with " + shown(code.word.text), "none");
+  if (!p) throw_input_error(code.word, "P (program) with " + shown(code.word.text), "none");
   // It would be open if other codes of the block are executed before or after the call.
   for (const Code& other : block_.codes)
     if (other && &other != &code)
-      run_.canon.throw_input_error(other.word, "a separate block for " + shown(code.word.text));
+      throw_input_error(other.word, "a separate block for " + shown(code.word.text));
   const int number = whole_number(run_.canon, p, 99'999'999);
   const int repeats = l ? whole_number(run_.canon, l, max_repeats) : 1;
   Program* program = find_program(number, p);
   auto arguments = macro_arguments(block_);
   if (code.tenths == 660) {
-    if (modal_call_) run_.canon.throw_input_error(code.word, "G67 before another G66");
+    if (modal_call_) throw_input_error(code.word, "G67 before another G66");
     modal_call_ = ModalCall{number, repeats, std::move(arguments), p};
     return;
   }
@@ -743,7 +707,7 @@ void Flow::leave_program(std::optional<int> to, const Cause& cause) {
 /// program with jumps, blocks from a sequence number on are not reported: a jump whose condition
 /// did not hold may lead to them.
 void Flow::warn_of_unread_lines() {
-  const Source& main = *sources_.front();
+  const ProgramFile& main = *sources_.front();
   const bool has_jumps = std::ranges::any_of(main.lines, [](std::string_view line) {
     const auto jump = std::ranges::search(line, std::string_view("GOTO"), {}, upper);
     return !jump.empty();
@@ -763,7 +727,7 @@ void Flow::warn_of_unread_lines() {
   run_.warn_of_unread_lines(main.lines, sections);
 }
 
-void Flow::end_without_return() {
+void Flow::end_call() {
   const Call call = calls_.back();
   line_index_ = call.return_line;
   calls_.pop_back();

@@ -84,14 +84,6 @@ Machine::Words Machine::axis_words(const Block& block) const {
   return words;
 }
 
-const Word* Machine::first_axis_word(const Block& block) const {
-  const Word* first_word = nullptr;
-  for (const char letter : word_letters())
-    if (const Word& word = block[letter]; word && (!first_word || word.column < first_word->column))
-      first_word = &word;
-  return first_word;
-}
-
 // Returns the word that messages about the motion of a block point at.
 Cause Machine::motion_cause(const Block& block) const {
   for (const Group group : {Group::Motion, Group::OneShot, Group::Cycle})
@@ -239,13 +231,7 @@ void Machine::call_tools(const Block& block) {
 
 /// Records the modes that a block states and those that it depends on.
 void Machine::note_start_modes(const Block& block) {
-  const std::pair<Group, StartMode> groups[] = {
-      {Group::Units, StartMode::Units},          {Group::Distance, StartMode::Distance},
-      {Group::Plane, StartMode::Plane},          {Group::FeedMode, StartMode::Feed},
-      {Group::Motion, StartMode::Motion},        {Group::Cycle, StartMode::Motion},
-      {Group::WorkOffset, StartMode::WorkOffset}};
-  for (const auto& [group, mode] : groups)
-    if (block[group]) run_.mark_stated(mode);
+  mark_stated_modes(run_, block);
   // A dwell and blocks without axis words depend on no mode.
   if (!first_axis_word(block) || block.tenths(Group::OneShot) == 40) return;
   run_.assume_mode(StartMode::Units, "mm (G21)");
@@ -316,23 +302,12 @@ void Machine::execute_one_shot(const Block& block) {
   const Code& code = block[Group::OneShot];
   if (code.tenths == 40) return dwell(block);
   if (compensation_.is_on()) throw_input_error(code.word, "G40 before " + shown(code.word.text));
-  switch (code.tenths) {
-    case 100:
-      return store_data(block);
-    case 280:
-    case 300:
-      return move_to_reference(block);
-    case 500:
-    case 503:
-    case 520:
-    case 920:
-    case 921:
-      return shift_origin(block);
-    case 530:
-      return move_in_machine_coordinates(block);
-    default:
-      return align_tool_with_plane(block);
-  }
+  if (code.tenths == 100) return store_data(block);
+  if (code.tenths == 280 || code.tenths == 300) return move_to_reference(block);
+  if (code.tenths == 530) return move_in_machine_coordinates(block);
+  // G53.1 and G53.6
+  if (code.tenths == 531 || code.tenths == 536) return align_tool_with_plane(block);
+  return shift_origin(block);
 }
 
 // The words of a cycle do not survive G80 or a motion code.
@@ -558,10 +533,9 @@ void Machine::apply_tool_offset(const Cause& cause) {
   AxisVector shift = measured_offset(canon_, *chain, cause);
   // Under nose compensation the centre of the nose is led, whatever the programmed tip.
   if (!compensation_.is_on()) shift += programmed_nose_offset();
-  if (const auto wear = tool_offset_.wear.find(tool_offset_.number);
-      wear != tool_offset_.wear.end()) {
-    if (joint(0) >= 0) shift[joint(0)] += wear->second.x;
-    if (joint(2) >= 0) shift[joint(2)] += wear->second.z;
+  if (const auto wear = find_value(tool_offset_.wear, tool_offset_.number)) {
+    if (joint(0) >= 0) shift[joint(0)] += wear->x;
+    if (joint(2) >= 0) shift[joint(2)] += wear->z;
   }
   if (tool_ != 0) canon_.select_length(tool_, cause);
   canon_.set_tool_shift(std::move(shift));
@@ -610,12 +584,11 @@ void Machine::set_nose_compensation(const Code& code) {
   if (!radius)
     throw_input_error(code.word, "a tool whose nose radius is known",
                       tool_ == 0 ? "none called" : fmt::format("T{:02}", tool_));
-  const auto wear = tool_offset_.wear.find(tool_offset_.number);
-  const double radius_wear = wear == tool_offset_.wear.end() ? 0.0 : wear->second.radius;
+  const auto wear = find_value(tool_offset_.wear, tool_offset_.number);
   run_.warn_once(
       "nose compensation approaches the start of the contour at a right angle and goes around "
       "outside corners in arcs; a control goes around some of them in lines");
-  compensation_.begin(code.tenths == 410, *radius + radius_wear, joints);
+  compensation_.begin(code.tenths == 410, *radius + (wear ? wear->radius : 0.0), joints);
   apply_tool_offset(code.word);
   compensation_.shift_programmed(-programmed_nose_offset());
 }

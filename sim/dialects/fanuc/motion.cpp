@@ -201,12 +201,10 @@ void Machine::set_tilted_plane(const Block& block) {
 }
 
 const Chain& Machine::chain(const Cause& cause) const {
-  const program::NcOptions& options = canon_.options();
   const bool has_length = length_mode_ != 490 && h_ != 0;
-  const auto tool_chain = options.control_by_h.find(has_length ? h_ : tool_);
-  if (tool_chain != options.control_by_h.end()) return tool_chain->second;
-  if (!options.control) throw_input_error(cause, "a control that knows its kinematics");
-  return *options.control;
+  const Chain* chain = chain_to_tip(canon_.options(), has_length ? h_ : tool_);
+  if (chain == nullptr) throw_input_error(cause, "a control that knows its kinematics");
+  return *chain;
 }
 
 AxisVector Machine::rotary_positions(const Eigen::Vector3d& direction_w, const Cause& cause) {
@@ -297,6 +295,15 @@ namespace {
 constexpr double peck_clearance = 0.5;  // mm, parameters 5114 and 5115; reported in a warning
 // Bounds the moves of a hole whose Q is far below any chip thickness.
 constexpr double max_pecks = 1e5;
+
+// Steps of a hole: p pecks, b feed to the bottom, d dwell, r and R rapid and feed to R, c rapid to
+// the level of G98 or G99, i rapid to the initial level under G98, x and X the tool shifted and
+// back, s spindle stop, o spindle as before, t v T spindle as the thread needs it on the way down,
+// up and after it.
+constexpr gcode::CodeLetters hole_steps[] = {
+    {730, "rpbri"},  {740, "rtbdvRTi"},     {760, "rbdsxcXo"}, {810, "rbri"},
+    {820, "rbdri"},  {830, "rpbri"},        {840, "rtbdvRTi"}, {850, "rbRi"},
+    {860, "rbsroi"}, {870, "sxrXobdsxcXo"}, {890, "rbdRi"}};
 
 bool is_tap(int code) { return code == 740 || code == 840; }
 bool is_peck(int code) { return code == 730 || code == 830; }
@@ -408,10 +415,6 @@ void Machine::make_holes(const Block& block) {
   }
 }
 
-void Machine::turn_tap(int direction) {
-  canon_.turn_spindle(cycle_code_ == 740 ? -direction : direction);
-}
-
 /// Shifts the tool across the hole by Q along +X; parameter 5148 may state another direction.
 void Machine::shift_tool(double distance) {
   run_.warn_once(
@@ -436,64 +439,26 @@ void Machine::make_pecks() {
   }
 }
 
-/// Executes back boring (G87): down to R with the tool shifted, up to Z at feed, out with the tool
-/// shifted.
-void Machine::back_bore() {
-  const int direction = canon_.spindle_direction();
-  canon_.turn_spindle(0);
-  shift_tool(cycle_.q);
-  move_to_level(cycle_.r, true);
-  shift_tool(-cycle_.q);
-  canon_.turn_spindle(direction);
-  move_to_level(cycle_.bottom, false);
-  canon_.dwell(cycle_.dwell_s, cycle_.cause);
-  canon_.turn_spindle(0);
-  shift_tool(cycle_.q);
-  move_to_level(cycle_.initial, true);
-  shift_tool(-cycle_.q);
-  canon_.turn_spindle(direction);
-}
-
-/// Makes the operations at the bottom of the hole and the retraction to R.
-void Machine::finish_hole() {
-  const int direction = canon_.spindle_direction();
-  if (dwells(cycle_code_)) canon_.dwell(cycle_.dwell_s, cycle_.cause);
-  switch (cycle_code_) {
-    case 740:
-    case 840:
-      turn_tap(-1);
-      move_to_level(cycle_.r, false);
-      // Rigid tapping leaves the spindle at rest.
-      return turn_tap(is_rigid_tapping_ ? 0 : 1);
-    case 760:
-      canon_.turn_spindle(0);
-      shift_tool(cycle_.q);
-      move_to_level(returns_to_r_ ? cycle_.r : cycle_.initial, true);
-      shift_tool(-cycle_.q);
-      return canon_.turn_spindle(direction);
-    case 850:
-    case 890:
-      return move_to_level(cycle_.r, false);
-    case 860:
-      canon_.turn_spindle(0);
-      move_to_level(cycle_.r, true);
-      return canon_.turn_spindle(direction);
-    default:
-      return move_to_level(cycle_.r, true);
-  }
-}
-
 /// Makes one hole, starting above its position.
 void Machine::make_hole(const AxisVector& position) {
   cycle_.position = position;
-  if (cycle_code_ == 870) return back_bore();
-  move_to_level(cycle_.r, true);
-  if (is_tap(cycle_code_)) turn_tap(1);
-  if (is_peck(cycle_code_)) make_pecks();
-  move_to_level(cycle_.bottom, false);
-  finish_hole();
-  if (!returns_to_r_ && cycle_.initial != cycle_.r && cycle_code_ != 760)
-    move_to_level(cycle_.initial, true);
+  const int direction = canon_.spindle_direction(), thread = cycle_code_ == 740 ? -1 : 1;
+  for (const char step : gcode::letters_of_code(hole_steps, cycle_code_)) {
+    if (step == 'p') make_pecks();
+    if (step == 'b') move_to_level(cycle_.bottom, false);
+    if (step == 'd') canon_.dwell(cycle_.dwell_s, cycle_.cause);
+    if (step == 'r' || step == 'R') move_to_level(cycle_.r, step == 'r');
+    if (step == 'c') move_to_level(returns_to_r_ ? cycle_.r : cycle_.initial, true);
+    if (step == 'i' && !returns_to_r_ && cycle_.initial != cycle_.r)
+      move_to_level(cycle_.initial, true);
+    if (step == 'x' || step == 'X') shift_tool(step == 'x' ? cycle_.q : -cycle_.q);
+    if (step == 's') canon_.turn_spindle(0);
+    if (step == 'o') canon_.turn_spindle(direction);
+    if (step == 't') canon_.turn_spindle(thread);
+    if (step == 'v') canon_.turn_spindle(-thread);
+    // Rigid tapping leaves the spindle at rest.
+    if (step == 'T') canon_.turn_spindle(is_rigid_tapping_ ? 0 : thread);
+  }
 }
 
 }  // namespace abbe::sim::dialects::fanuc

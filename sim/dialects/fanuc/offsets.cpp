@@ -137,19 +137,10 @@ void Machine::store_data(const Block& block) {
   // On a turning control G10 without L sets wear.
   if (is_turning_ && !(l && (l.value == 2.0 || l.value == 20.0))) return store_wear(block);
   const int kind = l ? whole_number(canon_, l, 999) : -1;
-  switch (kind) {
-    case 2:
-    case 20:
-      return store_origin(block, kind == 20);
-    case 10:
-    case 11:
-    case 12:
-    case 13:
-      return store_tool(block, kind);
-    default:
-      throw_input_error(l ? Cause(l) : Cause(block[Group::OneShot].word),
-                        "L2 L20 L10 L11 L12 or L13 with G10", l ? shown(l.text) : "none");
-  }
+  if (kind == 2 || kind == 20) return store_origin(block, kind == 20);
+  if (kind >= 10 && kind <= 13) return store_tool(block, kind);
+  throw_input_error(l ? Cause(l) : Cause(block[Group::OneShot].word),
+                    "L2 L20 L10 L11 L12 or L13 with G10", l ? shown(l.text) : "none");
 }
 
 /// Executes G52, G92 and G92.1, or on a turning control G52, G50 and G50.3.
@@ -184,12 +175,10 @@ double Machine::tool_length(int h, const Cause& cause) const {
   if (h == 0) return 0.0;
   if (const auto entry = lengths_.find(h); entry != lengths_.end() && entry->second.value)
     return *entry->second.value + entry->second.wear;
-  std::string known_lengths;
-  for (const auto& [number, offset_entry] : lengths_)
-    if (offset_entry.value) known_lengths += fmt::format(" H{}", number);
-  throw_input_error(cause,
-                    "a known tool length (" +
-                        (known_lengths.empty() ? "none known" : known_lengths.substr(1)) + ")",
+  auto known = lengths_ | std::views::filter([](const auto& entry) -> bool {
+                 return entry.second.value.has_value();
+               });
+  throw_input_error(cause, "a known tool length (" + known_numbers(known, "H") + ")",
                     fmt::format("H{}", h));
 }
 

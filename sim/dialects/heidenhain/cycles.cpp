@@ -69,8 +69,7 @@ void Machine::execute_numbered_cycle(int number, int part, std::size_t from, Wor
         words.throw_input_error(words.cursor.at, "no axis: mirroring is not supported");
       return;
     case 9: {
-      if (!words.cursor.accept("DWELL"))
-        words.throw_input_error(words.cursor.at, "DWELL and seconds");
+      words.require("DWELL", "DWELL and seconds");
       const double seconds = words.read_value();
       words.expect_end();
       return canon_.dwell(seconds, words.cause(from));
@@ -79,7 +78,7 @@ void Machine::execute_numbered_cycle(int number, int part, std::size_t from, Wor
       return execute_rotation_cycle(words);
     case 11: {
       if (words.at_end()) return;
-      if (!words.cursor.accept("SCL")) words.throw_input_error(words.cursor.at, "SCL and a factor");
+      words.require("SCL", "SCL and a factor");
       const std::size_t at = words.cursor.at;
       if (words.read_value() != 1.0) words.throw_input_error(at, "SCL 1: scaling is not supported");
       return words.expect_end();
@@ -209,8 +208,7 @@ void Machine::execute_trans(WordReader& words) {
   }
   if (!words.accept("DATUM")) words.throw_input_error(from, "DATUM or ROTATION after TRANS");
   if (words.accept("AXIS")) return execute_datum_shift(words);
-  if (!words.accept("RESET"))
-    words.throw_input_error(words.cursor.at, "AXIS or RESET: datum tables are not supported");
+  words.require_word("RESET", "AXIS or RESET: datum tables are not supported");
   words.expect_end();
   for (const char letter : axis_letters)
     if (canon_.joint_of(letter) >= 0) set_axis_shift(letter, 0.0, false, words.cause(from));
@@ -290,7 +288,7 @@ void Machine::define_q_cycle(int number, std::size_t from, WordReader& words) {
     const bool is_parameter = std::ranges::find(entry->parameters, q) != entry->parameters.end() ||
                               (number == 205 && q == 395);
     if (!is_parameter) words.throw_input_error(at, fmt::format("a parameter of cycle {}", number));
-    if (!words.cursor.accept("=")) words.throw_input_error(words.cursor.at, "= after a parameter");
+    words.require("=", "= after a parameter");
     const double value = read_cycle_value(q, cycle.per_revolution, words);
     cycle.values[q] = value;
     if (on_parameter) on_parameter(q, value);
@@ -350,8 +348,7 @@ void Machine::check_cycle(const Cause& cause) {
 double Machine::cycle_value(int number) const { return cycle_.values.at(number); }
 
 double Machine::cycle_value(int number, double default_value) const {
-  const auto value = cycle_.values.find(number);
-  return value == cycle_.values.end() ? default_value : value->second;
+  return find_value(cycle_.values, number).value_or(default_value);
 }
 
 /// Executes CYCL CALL, for example CYCL CALL M3 or CYCL CALL POS X+10 Y+20 Z+0 FMAX.
@@ -381,8 +378,8 @@ void Machine::call_cycle(WordReader& words) {
     }
     // The tool first rises to the clearance, so that it does not move sideways through the part.
     if (canon_.programmed()[z] < clearance) move_to_depth(clearance, true);
-    program::Straight straight{canon_.end_of(hole), move.cause, false, hole.stated()};
-    canon_.straight(std::move(straight), move.feed_kind == FeedKind::Rapid);
+    canon_.straight({canon_.end_of(hole), move.cause, false, hole.stated()},
+                    move.feed_kind == FeedKind::Rapid);
   } else {
     for (const auto& axis : move.axes)
       if (axis) throw_input_error(axis->cause, "CYCL CALL POS before axes");
@@ -412,26 +409,18 @@ void Machine::run_cycle(double surface, const Cause& cause) {
   // Feeds of cycles are per minute unless stated otherwise; the mode of the program is restored.
   canon_.set_feed_mode(FeedMode::PerMinute);
   move_to_depth(clearance, true);
-  switch (cycle_.number) {
-    case 200:
-      drill(surface, surface + depth);
-      break;
-    case 203:
-      peck_universal(surface, surface + depth);
-      break;
-    case 205:
-      peck_deep(surface, surface + depth);
-      break;
-    case 202:
-      bore(surface, surface + depth);
-      break;
-    case 206:
-    case 207:
-      tap(surface, surface + depth);
-      break;
-    default:
-      ream(surface, surface + depth);
-  }
+  if (cycle_.number == 200)
+    drill(surface, surface + depth);
+  else if (cycle_.number == 203)
+    peck_universal(surface, surface + depth);
+  else if (cycle_.number == 205)
+    peck_deep(surface, surface + depth);
+  else if (cycle_.number == 202)
+    bore(surface, surface + depth);
+  else if (cycle_.number == 206 || cycle_.number == 207)
+    tap(surface, surface + depth);
+  else
+    ream(surface, surface + depth);
   // The second clearance may be programmed below the first one.
   move_to_depth(surface + std::max(cycle_value(204), cycle_value(200)) * unit(), true);
   canon_.set_feed_mode(mode);
@@ -493,6 +482,15 @@ void Machine::check_infeeds(double depth, double infeed) const {
   run_.check_moves(moves_per_infeed * depth / infeed, {1, {}});
 }
 
+/// Returns the infeed after another one: Q212 reduces the infeeds down to Q205.
+double Machine::next_infeed(double infeed) const {
+  const double decrement = cycle_value(212, 0) * unit(), min_infeed = cycle_value(205, 0) * unit();
+  if (decrement > 0) infeed = std::min(infeed, std::max(infeed - decrement, min_infeed));
+  if (!(infeed > 0))
+    throw_input_error({1, {}}, "Q205 greater than zero with Q212", "infeeds that decrease to zero");
+  return infeed;
+}
+
 /// Executes cycles 201 and 240.
 void Machine::ream(double surface, double bottom) {
   feed_to_depth(bottom, 206, 206);
@@ -505,8 +503,6 @@ void Machine::ream(double surface, double bottom) {
 void Machine::peck_universal(double surface, double bottom) {
   // Without Q256 chips are broken by a retraction of 0.2 mm.
   const double clearance = cycle_value(200) * unit(), retraction = cycle_value(256, 0.2) * unit();
-  const double decrement = cycle_value(212, 0) * unit();
-  const double min_infeed = cycle_value(205, 0) * unit();
   double infeed = cycle_value(202) * unit();
   check_infeeds(surface - bottom, infeed);
   int break_count = 0;
@@ -527,11 +523,7 @@ void Machine::peck_universal(double surface, double bottom) {
       dwell(210);
       move_to_depth(level + clearance, true);
     }
-    // Q212 reduces the infeeds down to Q205.
-    if (decrement > 0) infeed = std::min(infeed, std::max(infeed - decrement, min_infeed));
-    if (!(infeed > 0))
-      throw_input_error({1, {}}, "Q205 greater than zero with Q212",
-                        "infeeds that decrease to zero");
+    infeed = next_infeed(infeed);
   }
   dwell(211);
   feed_to_depth(surface + clearance, 208, 206);
@@ -541,8 +533,6 @@ void Machine::peck_universal(double surface, double bottom) {
 /// infeed.
 void Machine::peck_deep(double surface, double bottom) {
   const double clearance = cycle_value(200) * unit(), retraction = cycle_value(256, 0.2) * unit();
-  const double decrement = cycle_value(212, 0) * unit();
-  const double min_infeed = cycle_value(205, 0) * unit();
   const double break_infeed = cycle_value(257, 0) * unit();
   const double stop_distance = cycle_value(258, 0.2) * unit();
   double infeed = cycle_value(202) * unit(), level = surface;
@@ -566,10 +556,7 @@ void Machine::peck_deep(double surface, double bottom) {
     move_to_depth(surface + clearance, true);
     // The tool returns at rapid to the stop distance above the last depth.
     move_to_depth(std::min(level + stop_distance, surface + clearance), true);
-    if (decrement > 0) infeed = std::min(infeed, std::max(infeed - decrement, min_infeed));
-    if (!(infeed > 0))
-      throw_input_error({1, {}}, "Q205 greater than zero with Q212",
-                        "infeeds that decrease to zero");
+    infeed = next_infeed(infeed);
   }
   dwell(211);
   feed_to_depth(surface + clearance, 208, 206);

@@ -1,20 +1,28 @@
+#include "sim/dialects/flow.h"
 #include "sim/dialects/heidenhain/heidenhain.h"
 
 namespace abbe::sim::dialects {
 namespace heidenhain {
 
-/// A file of a program.
-struct Source {
-  std::string text;  ///< text of a called program; empty for the main program
-  std::vector<std::string_view> lines;
-  int file = 0;  ///< file number in the canon
+/// A text and its labels.
+struct LabelledSource : Source {
   bool are_labels_collected = false;
   std::unordered_map<std::string, std::vector<std::size_t>> labels;  ///< lines by label
 };
 
+/// A running program or label.
+struct Call {
+  LabelledSource* source = nullptr;
+  std::size_t return_line = 0;  ///< line to continue with after the call
+  bool is_program = true;
+  bool is_caller_inch = false;                        ///< unit of the caller
+  bool has_begun = false;                             ///< BEGIN PGM has been read
+  std::map<std::size_t, int> remaining_repeats = {};  ///< by the line of CALL LBL
+};
+
 /// Flow of a program: executes Q parameters, jumps, labels and calls, and passes all other blocks
 /// to the machine.
-class Flow : public OperandParser {
+class Flow : public ProgramFlow<LabelledSource, Call> {
  public:
   Flow(std::string_view text, ProgramRun& run);
   void run();
@@ -22,15 +30,6 @@ class Flow : public OperandParser {
   std::optional<double> parse_operand(Cursor& cursor) override;
 
  private:
-  /// A running program or label.
-  struct Call {
-    Source* source = nullptr;
-    std::size_t return_line = 0;  ///< line to continue with after the call
-    bool is_program = true;
-    bool is_caller_inch = false;                        ///< unit of the caller
-    bool has_begun = false;                             ///< BEGIN PGM has been read
-    std::map<std::size_t, int> remaining_repeats = {};  ///< by the line of CALL LBL
-  };
   /// A Q parameter as programmed.
   struct Parameter {
     std::string kind;  ///< "Q", "QL", "QR"
@@ -39,6 +38,11 @@ class Flow : public OperandParser {
     std::string name() const { return kind + std::to_string(number); }
   };
 
+  const Source& source() const override { return *calls_.back().source; }
+  bool has_ended() const override { return has_ended_ || machine_.has_ended(); }
+  void end_call() override { end_program(); }
+  bool execute_line() override;
+  bool execute_block(Cursor block) override;
   void execute_block();
   /// Executes a block of program flow. Returns false for any other keyword.
   bool execute_flow_statement(const std::string& keyword, WordReader& words);
@@ -59,16 +63,9 @@ class Flow : public OperandParser {
   void set_cycle_parameter(int number, double value);
   double read_parameter(const Parameter& parameter, const Cursor& cursor) const;
   std::size_t line_of_label(const std::string& label, const WordReader& words, std::size_t from);
-  Source& load_source(const std::filesystem::path& file);
 
-  ProgramRun& run_;
   Machine machine_;
-  Variables variables_;
-  std::vector<std::unique_ptr<Source>> sources_;
-  std::map<std::string, Source*> sources_by_file_;
-  std::vector<Call> calls_;
-  std::size_t line_index_ = 0;  ///< current line of the running source, from 0
-  bool has_ended_ = false;
+  std::map<std::string, LabelledSource*> sources_by_file_;
   Block block_;
 };
 
@@ -99,48 +96,38 @@ std::string find_label(std::string_view line) {
 
 }  // namespace
 
-Flow::Flow(std::string_view text, ProgramRun& run)
-    : run_(run), machine_(run), variables_(run.options().limits.variables) {
-  auto main = std::make_unique<Source>();
-  main->lines = lines_of_text(text);
-  sources_.push_back(std::move(main));
-  calls_.push_back({.source = sources_.front().get()});
+Flow::Flow(std::string_view text, ProgramRun& run) : ProgramFlow(run), machine_(run) {
+  calls_.push_back({.source = &add_source(text)});
   machine_.on_parameter = [this](int number, double value) { set_cycle_parameter(number, value); };
 }
 
 void Flow::run() {
-  run_.run_startup_code([&](std::string_view code) {
-    read_block({code}, 0, block_);
-    execute_block();
-  });
-  while (!has_ended_ && !run_.is_aborted()) {
-    const Call& call = calls_.back();
-    // Without END PGM the end of the file ends the program.
-    if (line_index_ >= call.source->lines.size()) {
-      run_.try_block([&] { end_program(); });
-      continue;
-    }
-    run_.canon.set_line(int(line_index_) + 1, call.source->file);
-    run_.try_block([&] {
-      read_block(call.source->lines, line_index_, block_);
-      line_index_ += block_.line_count;
-      try {
-        execute_block();
-      } catch (const ProgramLimitExceeded&) {
-        // Limits and consequences of other errors have locations in the file already.
-        throw;
-      } catch (const program::BadGeometry&) {
-        throw;
-      } catch (const program::FollowingError&) {
-        throw;
-      } catch (const BadInput& input_error) {
-        throw relocate_error(block_, input_error);
-      }
-    });
-    has_ended_ = has_ended_ || machine_.has_ended();
-  }
+  run_lines();
   run_.try_block([&] { machine_.finish(); });
   warn_of_unread_lines();
+}
+
+bool Flow::execute_block(Cursor block) {
+  read_block({block.text}, 0, block_);
+  return execute_block(), true;
+}
+
+bool Flow::execute_line() {
+  read_block(source().lines, line_index_, block_);
+  line_index_ += block_.line_count;
+  try {
+    execute_block();
+  } catch (const ProgramLimitExceeded&) {
+    // Limits and consequences of other errors have locations in the file already.
+    throw;
+  } catch (const program::BadGeometry&) {
+    throw;
+  } catch (const program::FollowingError&) {
+    throw;
+  } catch (const BadInput& input_error) {
+    throw relocate_error(block_, input_error);
+  }
+  return !has_ended_;
 }
 
 /// Warns of unread text: subprograms that no CALL LBL or jump names, and everything after END PGM.
@@ -207,7 +194,7 @@ bool Flow::execute_flow_statement(const std::string& keyword, WordReader& words)
   if (keyword == "IF") return execute_if(words), true;
   if (keyword == "BEGIN") return begin_program(words), true;
   if (keyword == "END") {
-    if (!words.accept("PGM")) words.throw_input_error(words.cursor.at, "PGM after END");
+    words.require_word("PGM", "PGM after END");
     machine_.end_of_program();
     end_program();
     return true;
@@ -216,7 +203,7 @@ bool Flow::execute_flow_statement(const std::string& keyword, WordReader& words)
 }
 
 void Flow::begin_program(WordReader& words) {
-  if (!words.accept("PGM")) words.throw_input_error(words.cursor.at, "PGM after BEGIN");
+  words.require_word("PGM", "PGM after BEGIN");
   words.cursor.skip_blanks();
   // The name of the program may contain blanks; MM or INCH is the last word.
   const std::string_view name_and_unit = words.cursor.text.substr(words.cursor.at);
@@ -254,7 +241,7 @@ void Flow::end_program() {
 std::size_t Flow::line_of_label(const std::string& label, const WordReader& words,
                                 std::size_t from) {
   // Labels are collected once for each file.
-  Source& source = *calls_.back().source;
+  LabelledSource& source = *calls_.back().source;
   if (!source.are_labels_collected) {
     source.are_labels_collected = true;
     for (std::size_t i = 0; i < source.lines.size(); ++i) {
@@ -343,29 +330,18 @@ void Flow::call_program(WordReader& words) {
   const std::filesystem::path& folder = run_.options().subprogram_folder;
   for (const char* extension : {"", ".h", ".H"})
     if (!folder.empty() && std::filesystem::is_regular_file(folder / (name + extension))) {
-      Source& source = load_source(folder / (name + extension));
+      const std::filesystem::path file = folder / (name + extension);
+      LabelledSource*& source = sources_by_file_[file.string()];
+      if (source == nullptr)
+        source = &add_source_file(file, file.filename().string(), "at most 1000 called programs");
       calls_.push_back(
-          {.source = &source, .return_line = line_index_, .is_caller_inch = machine_.inch()});
+          {.source = source, .return_line = line_index_, .is_caller_inch = machine_.inch()});
       variables_.enter();
       line_index_ = 0;
       return;
     }
   run_.refuse_once("PGM " + name, words.cursor.cause(from),
                    fmt::format("a program {} or {}.h next to this one", name, name), "none");
-}
-
-Source& Flow::load_source(const std::filesystem::path& file) {
-  constexpr std::size_t max_file_bytes = std::size_t(1) << 26, max_files = 1000;
-  const auto entry = sources_by_file_.find(file.string());
-  if (entry != sources_by_file_.end()) return *entry->second;
-  if (sources_.size() == max_files)
-    run_.canon.throw_input_error({1, {}}, "at most 1000 called programs", "more");
-  auto source = std::make_unique<Source>();
-  source->text = read_text(file, max_file_bytes);
-  source->lines = lines_of_text(source->text);
-  source->file = run_.canon.add_file(file.filename().string());
-  sources_.push_back(std::move(source));
-  return *(sources_by_file_[file.string()] = sources_.back().get());
 }
 
 // Q parameters.
@@ -449,9 +425,8 @@ void Flow::set_cycle_parameter(int number, double value) {
 }
 
 void Flow::execute_assignment(WordReader& words, const Parameter& parameter) {
-  if (!words.cursor.accept("=")) words.throw_input_error(words.cursor.at, "= after a parameter");
-  words.cursor.skip_blanks();
-  if (words.cursor.current() == '"')
+  words.require("=", "= after a parameter");
+  if (next_char(words.cursor) == '"')
     words.throw_input_error(words.cursor.at, "a number: strings in parameters are not stored");
   // A parameter whose assignment has an error is uncertain: its uses are not reported.
   run_.define(parameter.name(), [&] {
@@ -464,8 +439,7 @@ void Flow::execute_assignment(WordReader& words, const Parameter& parameter) {
 void Flow::execute_fn(WordReader& words) {
   const std::size_t from = skip_blanks(words.cursor);
   const int number = words.read_whole_number(99);
-  if (!words.cursor.accept(":"))
-    words.throw_input_error(words.cursor.at, ": after FN and its number");
+  words.require(":", ": after FN and its number");
   // FN 9 to FN 12 are the comparisons of IF.
   if (number >= 9 && number <= 12) return execute_if(words);
   const std::string name = fmt::format("FN\u00a0{}", number);
@@ -476,16 +450,14 @@ void Flow::execute_fn(WordReader& words) {
   const auto parameter = parse_parameter(words.cursor);
   if (!parameter) words.throw_input_error(words.cursor.at, "a Q parameter");
   run_.define(parameter->name(), [&] {
-    if (!words.cursor.accept("=")) words.throw_input_error(words.cursor.at, "= after a parameter");
+    words.require("=", "= after a parameter");
     set_parameter(*parameter, fn_result(number, words), words);
   });
 }
 
 /// Parses the expression after = of FN 0 to FN 8 and FN 13, and returns its value.
 double Flow::fn_result(int number, WordReader& words) {
-  const auto expect = [&](std::string_view word) {
-    if (!words.cursor.accept(word)) words.throw_input_error(words.cursor.at, std::string(word));
-  };
+  const auto expect = [&](std::string_view word) { words.require(word, word); };
   if (number == 0 && words.accept("SET"))
     words.throw_input_error(words.cursor.at, "a number: parameters cannot be made undefined");
   if (number >= 5 && number <= 7) expect(number == 5 ? "SQRT" : number == 6 ? "SIN" : "COS");

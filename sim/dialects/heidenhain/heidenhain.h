@@ -61,6 +61,14 @@ class WordReader {
   std::string read_name();
   /// Advances past a word if it follows. Returns false and stays otherwise.
   bool accept(std::string_view word) { return cursor.accept_word(word); }
+  /// Advances past a text, or past a whole word. Throws BadInput with `expected` if it does not
+  /// follow.
+  void require(std::string_view text, std::string_view expected) {
+    if (!cursor.accept(text)) throw_input_error(cursor.at, std::string(expected));
+  }
+  void require_word(std::string_view word, std::string_view expected) {
+    if (!accept(word)) throw_input_error(cursor.at, std::string(expected));
+  }
   /// Returns true if a number or a Q parameter follows.
   bool has_value() const;
   /// Parses the value that follows. Throws BadInput.
@@ -323,7 +331,6 @@ class Machine : public Control {
   void apply_frame(const Cause& cause);
   void update_tip_mode(const Cause& cause);
   AxisVector axis_shift(const Cause& cause);
-  const kinematics::Chain* known_chain() const;
   const kinematics::Chain& chain(const Cause& cause) const;
   const kinematics::Chain& free_chain(const Cause& cause);
   bool is_rotary(int joint) const;
@@ -355,6 +362,7 @@ class Machine : public Control {
   void check_cycle(const Cause& cause);
   void check_pecks(double pecks) const;
   void check_infeeds(double depth, double infeed) const;
+  double next_infeed(double infeed) const;
   void require_cycle(const Cause& cause) const;
   double cycle_value(int number) const;
   double cycle_value(int number, double default_value) const;

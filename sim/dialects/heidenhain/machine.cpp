@@ -30,27 +30,17 @@ void Machine::end_of_program() {
 
 std::optional<double> Machine::preset_parameter(int number) const {
   const auto tool_value = [&](const std::map<int, double>& values, double delta) {
-    const auto value = values.find(tool_);
-    return value == values.end() ? std::nullopt : std::optional((value->second + delta) / unit());
+    const auto value = find_value(values, tool_);
+    return value ? std::optional((*value + delta) / unit()) : std::nullopt;
   };
-  switch (number) {
-    case 108:
-      return tool_value(radius_, delta_radius_);
-    case 109:
-      return 2.0;  // 2 stands for the tool axis Z
-    case 110:
-      return canon_.spindle_direction() > 0 ? 0.0 : canon_.spindle_direction() < 0 ? 1.0 : 2.0;
-    case 113:
-      return canon_.inch() ? 1.0 : 0.0;
-    case 114:
-      return tool_value(length_, delta_length_);
-    case 120:
-    case 121:
-    case 122:
-      return plane_axes_[std::size_t(number - 120)];
-    default:
-      return std::nullopt;
-  }
+  if (number == 108) return tool_value(radius_, delta_radius_);
+  if (number == 109) return 2.0;  // 2 stands for the tool axis Z
+  const int direction = canon_.spindle_direction();
+  if (number == 110) return direction > 0 ? 0.0 : direction < 0 ? 1.0 : 2.0;
+  if (number == 113) return canon_.inch() ? 1.0 : 0.0;
+  if (number == 114) return tool_value(length_, delta_length_);
+  if (number >= 120 && number <= 122) return plane_axes_[std::size_t(number - 120)];
+  return std::nullopt;
 }
 
 /// Throws BadInput with the sentence of the word table if the table rejects the word.
@@ -135,8 +125,7 @@ void Machine::execute_function(WordReader& words) {
   const std::size_t from = skip_blanks(words.cursor);
   if (words.accept("TCPM")) return execute_tcpm(words);
   if (words.accept("RESET")) {
-    if (!words.accept("TCPM"))
-      words.throw_input_error(words.cursor.at, "TCPM after FUNCTION RESET");
+    words.require_word("TCPM", "TCPM after FUNCTION RESET");
     words.expect_end();
     return set_tcpm(false, words.cause(from));
   }
@@ -151,8 +140,7 @@ void Machine::execute_function(WordReader& words) {
     return canon_.dwell(seconds, words.cause(at));
   }
   if (words.accept("MODE")) {
-    if (!words.accept("MILL"))
-      words.throw_input_error(words.cursor.at, "MILL: turning and grinding are not supported");
+    words.require_word("MILL", "MILL: turning and grinding are not supported");
     return words.expect_end();
   }
   const std::string word = words.read_name();
@@ -170,8 +158,7 @@ void Machine::execute_preset(WordReader& words) {
 }
 
 double Machine::tool_length(int number, const Cause& cause) {
-  const auto entry = length_.find(number);
-  if (entry != length_.end()) return entry->second;
+  if (const auto length = find_value(length_, number)) return *length;
   if (number == 0) return 0.0;
   // The only tool of the scene is assumed whatever the number.
   if (canon_.options().tool_length.size() == 1 && canon_.options().control_by_h.empty() &&
@@ -183,11 +170,7 @@ double Machine::tool_length(int number, const Cause& cause) {
       radius_[number] = canon_.options().tool_radius.begin()->second;
     return length_[number] = length;
   }
-  std::string numbers;
-  for (const auto& [known_number, mm] : length_)
-    numbers += fmt::format("{}{}", numbers.empty() ? "" : " ", known_number);
-  throw_input_error(
-      cause, "a tool with a known length (" + (numbers.empty() ? "none known" : numbers) + ")");
+  throw_input_error(cause, "a tool with a known length (" + known_numbers(length_, "") + ")");
 }
 
 /// Puts a tool in force. The chain has the length of the tool itself if the scene has several
@@ -311,26 +294,16 @@ void skip_function_words(int number, WordReader& words) {
   const auto is_axis = [](const std::string& name) {
     return name.size() == 1 && axis_letters.find(name[0]) != std::string_view::npos;
   };
-  switch (number) {
-    case 101:
-      skip_value([](const std::string& name) { return name == "BT"; });
-      break;
-    case 103:
-      skip_value([](const std::string& name) { return name == "F"; });
-      break;
-    case 118:
-      while (skip_value(is_axis)) {
-      }
-      // An F after M118 could belong to M118 or be the feed of the block.
-      if (WordReader ahead = words; ahead.read_name().starts_with('F'))
-        words.throw_input_error(words.cursor.at, "F before M118: words after it belong to it");
-      break;
-    case 120:
-      skip_value([](const std::string& name) { return name == "LA"; });
-      break;
-    default:
-      break;
+  static constexpr std::pair<int, std::string_view> words_of_functions[] = {
+      {101, "BT"}, {103, "F"}, {120, "LA"}};
+  for (const auto& [function, word] : words_of_functions)
+    if (function == number) skip_value([&](const std::string& name) { return name == word; });
+  if (number != 118) return;
+  while (skip_value(is_axis)) {
   }
+  // An F after M118 could belong to M118 or be the feed of the block.
+  if (WordReader ahead = words; ahead.read_name().starts_with('F'))
+    words.throw_input_error(words.cursor.at, "F before M118: words after it belong to it");
 }
 
 }  // namespace
@@ -401,43 +374,23 @@ void Machine::start_m_function(const MFunction& m, MotionBlock& move) {
   const auto record_word = [&](const char* text) {
     contour_.run_after_move([this, text] { canon_.record_auxiliary_word(text); });
   };
-  switch (m.number) {
-    case 3:
-    case 4:
-      return turn_spindle(m.number == 3 ? 1 : -1);
-    case 7:
-      return record_word("M7");
-    case 8:
-      return record_word("M8");
-    case 13:
-    case 14:
-      turn_spindle(m.number == 13 ? 1 : -1);
-      return record_word("M8");
-    case 91:
-      move.in_machine_coordinates = true;
-      return;
-    case 94:
-      return remove_whole_turns(m);
-    case 126:
-      takes_shortest_rotation_ = true;
-      return;
-    case 128:
-      return set_tcpm(true, m.cause);
-    case 136:
-      if (canon_.inch()) throw_input_error(m.cause, "M136 in a program in MM");
-      is_feed_per_turn_ = is_last_feed_per_turn_ = true;
-      feed_.reset();
-      return;
-    case 137:
-      // F has another unit in the new mode, so the old value must not survive.
-      if (is_feed_per_turn_) feed_.reset();
-      is_feed_per_turn_ = is_last_feed_per_turn_ = false;
-      return;
-    case 140:
-      return execute_m140(m, move);
-    default:
-      return;  // without effect according to the word table
+  const int n = m.number;
+  if (n == 3 || n == 13) turn_spindle(1);
+  if (n == 4 || n == 14) turn_spindle(-1);
+  if (n == 7) record_word("M7");
+  if (n == 8 || n == 13 || n == 14) record_word("M8");
+  if (n == 91) move.in_machine_coordinates = true;
+  if (n == 94) remove_whole_turns(m);
+  if (n == 126) takes_shortest_rotation_ = true;
+  if (n == 128) set_tcpm(true, m.cause);
+  if (n == 136 || n == 137) {
+    if (n == 136 && canon_.inch()) throw_input_error(m.cause, "M136 in a program in MM");
+    // F has another unit in the new mode, so the old value must not survive.
+    if (n == 136 || is_feed_per_turn_) feed_.reset();
+    is_feed_per_turn_ = is_last_feed_per_turn_ = n == 136;
   }
+  if (n == 140) execute_m140(m, move);
+  // Others are without effect according to the word table.
 }
 
 /// Executes M functions that take effect after the motion, and the cycle that M89 and M99 call.
@@ -462,27 +415,17 @@ void Machine::apply_functions_after_motion(const MotionBlock& move) {
 }
 
 void Machine::end_m_function(const MFunction& m) {
-  switch (m.number) {
-    case 0:
-    case 1:
-    case 9: {
-      const char* text = m.number == 0 ? "M0" : m.number == 1 ? "M1" : "M9";
-      return contour_.run_after_move([this, text] { canon_.record_auxiliary_word(text); });
-    }
-    case 5:
-      return contour_.run_after_move([this] { canon_.turn_spindle(0); });
-    case 127:
-      takes_shortest_rotation_ = false;
-      return;
-    case 129:
-      return set_tcpm(false, m.cause);
-    case 2:
-    case 30:
-      contour_.finish();
-      has_ended_ = true;
-      return;
-    default:
-      return;
+  const int n = m.number;
+  if (n == 0 || n == 1 || n == 9) {
+    const char* text = n == 0 ? "M0" : n == 1 ? "M1" : "M9";
+    contour_.run_after_move([this, text] { canon_.record_auxiliary_word(text); });
+  }
+  if (n == 5) contour_.run_after_move([this] { canon_.turn_spindle(0); });
+  if (n == 127) takes_shortest_rotation_ = false;
+  if (n == 129) set_tcpm(false, m.cause);
+  if (n == 2 || n == 30) {
+    contour_.finish();
+    has_ended_ = true;
   }
 }
 

@@ -168,13 +168,13 @@ void Machine::set_side(const MotionBlock& move) {
   if (plane_) throw_input_error(move.side_cause, "RL and RR outside tilted planes");
   if (canon_.tip_mode()) throw_input_error(move.side_cause, "M129 before RL and RR");
   working_plane(move.side_cause);
-  const auto radius = radius_.find(tool_);
-  if (radius == radius_.end())
+  const auto radius = find_value(radius_, tool_);
+  if (!radius)
     throw_input_error(move.side_cause, "a tool with a known radius",
                       tool_ < 0 ? "none" : fmt::format("tool {}", tool_));
   if (move.keyword != "L" && move.keyword != "LP")
     if (!contour_.is_compensated()) throw_input_error(move.side_cause, "L before RL and RR");
-  contour_.set_side(*move.side == 'L', radius->second + delta_radius_, move.side_cause);
+  contour_.set_side(*move.side == 'L', *radius + delta_radius_, move.side_cause);
 }
 
 namespace {
@@ -377,8 +377,8 @@ void Machine::move_in_machine_coordinates(const MotionBlock& move, const Target&
   if (contour_.is_compensated()) throw_input_error(move.cause, "R0 before M91");
   if (move.before_corner) throw_input_error(move.cause, "no M91 before RND and CHF");
   canon_.go_to(Coordinates::Axis, move.cause);
-  program::Straight straight{canon_.end_of(target, true), move.cause, true, target.stated()};
-  canon_.straight(std::move(straight), move.feed_kind == FeedKind::Rapid);
+  canon_.straight({canon_.end_of(target, true), move.cause, true, target.stated()},
+                  move.feed_kind == FeedKind::Rapid);
   if (canon_.tip_mode()) canon_.go_to(Coordinates::Tip, move.cause);
   contour_.finish();
   tangent_.reset();
@@ -406,8 +406,7 @@ void Machine::rotate_axes_in_plane(const MotionBlock& move, const Target& target
   } else {
     for (const int j : {x, y, z}) end[j] = canon_.position()[j];
   }
-  program::Straight straight{std::move(end), move.cause};
-  canon_.straight(std::move(straight), rapid);
+  canon_.straight({std::move(end), move.cause}, rapid);
   canon_.go_to(Coordinates::Tip, move.cause);
   contour_.finish();
   tangent_.reset();

@@ -17,15 +17,8 @@ bool is_identity(const Matrix3d& R) { return (R - Matrix3d::Identity()).norm() =
 
 }  // namespace
 
-const Chain* Machine::known_chain() const {
-  const auto& options = canon_.options();
-  const auto tool_chain = options.control_by_h.find(tool_);
-  if (tool_chain != options.control_by_h.end()) return &tool_chain->second;
-  return options.control ? &*options.control : nullptr;
-}
-
 const Chain& Machine::chain(const Cause& cause) const {
-  const Chain* chain = known_chain();
+  const Chain* chain = chain_to_tip(canon_.options(), tool_);
   if (chain == nullptr) throw_input_error(cause, "a control that knows its kinematics");
   return *chain;
 }
@@ -57,7 +50,7 @@ Matrix3d Machine::rotation() const {
 AxisVector Machine::axis_shift(const Cause& cause) {
   AxisVector shift = AxisVector::Zero(canon_.position().size());
   const auto& zero = canon_.zero();
-  const Chain* chain = known_chain();
+  const Chain* chain = chain_to_tip(canon_.options(), tool_);
   const auto tip_w =
       zero && zero->places && chain != nullptr ? program::tip_at_zero(*chain) : std::nullopt;
   const int z = canon_.joint_of('Z');
@@ -253,8 +246,7 @@ void Machine::retract_by(double distance, bool to_end, bool rapid, const Cause& 
     distance = std::max(distance, 0.0);
   }
   canon_.go_to(Coordinates::Axis, cause);
-  program::Straight straight{q + distance * displacement, cause};
-  canon_.straight(std::move(straight), rapid);
+  canon_.straight({q + distance * displacement, cause}, rapid);
   if (canon_.tip_mode()) canon_.go_to(Coordinates::Tip, cause);
 }
 
@@ -282,7 +274,7 @@ constexpr double min_plane_angle = 1e-6;  // rad, between the vectors that defin
 
 /// Parses a word that must follow, for example SPA+30, and returns its value.
 double Machine::read_word(WordReader& words, std::string_view name) const {
-  if (!words.cursor.accept(name)) words.throw_input_error(words.cursor.at, std::string(name));
+  words.require(name, name);
   return words.read_value();
 }
 

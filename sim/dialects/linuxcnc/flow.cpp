@@ -1,15 +1,9 @@
+#include "sim/dialects/flow.h"
 #include "sim/dialects/linuxcnc/linuxcnc.h"
 #include "sim/dialects/read_program.h"
 
 namespace abbe::sim::dialects {
 namespace linuxcnc {
-
-/// A file of a program.
-struct Source {
-  std::string text;  ///< text of a subprogram file; empty for the main program
-  std::vector<std::string_view> lines;
-  int file = 0;  ///< file number in the canon
-};
 
 /// An O word of a line: its label and its keyword.
 struct OWord {
@@ -19,9 +13,28 @@ struct OWord {
   std::size_t end = 0;  ///< first byte after the keyword
 };
 
+/// A loop that is running.
+struct Loop {
+  std::string label;
+  enum class Kind { While, Do, Repeat } kind = Kind::While;
+  std::size_t line = 0;  ///< line of its first keyword
+  long long remaining_repeats = 0;
+};
+
+/// A running subprogram, or the main program.
+struct Call {
+  const Source* source = nullptr;
+  std::size_t return_line = 0;  ///< line of the caller to continue with
+  std::string name = {};
+  std::vector<Loop> loops = {};
+  std::array<double, 31> locals{};                       ///< #1 .. #30
+  std::function<void(const Cause&)> restore_modes = {};  ///< saved by M70 and M73
+  bool restores_modes = false;                           ///< M73: restored at the end of the call
+};
+
 /// Flow of a program: executes parameters, expressions and O words, and passes all other lines to
 /// the machine.
-class Flow : public OperandParser {
+class Flow : public ProgramFlow<Source, Call> {
  public:
   Flow(std::string_view text, ProgramRun& run);
   void run();
@@ -29,31 +42,15 @@ class Flow : public OperandParser {
   std::optional<double> parse_operand(Cursor& cursor) override;
 
  private:
-  /// A loop that is running.
-  struct Loop {
-    std::string label;
-    enum class Kind { While, Do, Repeat } kind = Kind::While;
-    std::size_t line = 0;  ///< line of its first keyword
-    long long remaining_repeats = 0;
-  };
-  /// A running subprogram, or the main program.
-  struct Call {
-    const Source* source = nullptr;
-    std::size_t return_line = 0;  ///< line of the caller to continue with
-    std::string name = {};
-    std::vector<Loop> loops = {};
-    std::array<double, 31> locals{};        ///< #1 .. #30
-    std::optional<Modes> saved_modes = {};  ///< by M70 and M73
-    bool restores_modes = false;            ///< M73: restored at the end of the call
-  };
   /// Location of a subprogram.
   struct Subprogram {
     const Source* source = nullptr;
     std::size_t line = 0;
   };
 
-  bool execute_line();
-  bool execute_block(Cursor cursor);
+  const Source& source() const override { return *calls_.back().source; }
+  bool execute_line() override;
+  bool execute_block(Cursor cursor) override;
   void save_modes();
   std::optional<OWord> read_o_word(Cursor& cursor);
   std::optional<OWord> find_o_word(const Source& source, std::size_t at);
@@ -63,9 +60,8 @@ class Flow : public OperandParser {
   void leave_loop(const OWord& o, bool continues);
   void call_subprogram(const OWord& o, Cursor& cursor);
   void return_from_subprogram(const OWord& o, Cursor& cursor);
-  void end_without_endsub();
+  void end_call() override;
   Subprogram find_subprogram(const OWord& o);
-  const Source& load_source(const std::filesystem::path& file);
   /// Returns the next line that has one of the keywords and the label of `o`. Throws BadInput if
   /// there is none.
   std::size_t find_next(const OWord& o, std::initializer_list<std::string_view> keywords);
@@ -75,50 +71,21 @@ class Flow : public OperandParser {
   double read_named_parameter(const std::string& name, const Cursor& cursor, std::size_t from);
   bool has_named_parameter(const std::string& name) const;
   void set_parameters(const Block& block, const Cursor& cursor);
-  Cursor cursor_of_line(const Source& source, std::size_t line) const;
 
-  ProgramRun& run_;
   Machine machine_;
-  Variables variables_;
-  std::vector<std::unique_ptr<Source>> sources_;
   std::map<std::string, Subprogram> subprograms_;  ///< those found so far, by file and label
   std::unordered_map<std::string, std::size_t> found_lines_;  ///< results of `find_next`
   std::set<std::string> executed_ifs_;  ///< file and label of each executed `if`
-  std::vector<Call> calls_;
-  std::size_t line_index_ = 0;  ///< current line of the running source, from 0
   int percent_count_ = 0;
-  bool has_ended_ = false;
   Block block_;
 };
 
-Flow::Flow(std::string_view text, ProgramRun& run)
-    : run_(run), machine_(run), variables_(run.options().limits.variables) {
-  auto main = std::make_unique<Source>();
-  main->lines = lines_of_text(text);
-  sources_.push_back(std::move(main));
-  calls_.push_back({.source = sources_.front().get()});
-}
-
-Cursor Flow::cursor_of_line(const Source& source, std::size_t line) const {
-  return {source.lines[line], run_.canon.place()};
+Flow::Flow(std::string_view text, ProgramRun& run) : ProgramFlow(run), machine_(run) {
+  calls_.push_back({.source = &add_source(text)});
 }
 
 void Flow::run() {
-  run_.run_startup_code([&](std::string_view code) { execute_block({code, run_.canon.place()}); });
-  while (!has_ended_ && !run_.is_aborted()) {
-    const Call& call = calls_.back();
-    if (line_index_ >= call.source->lines.size()) {
-      // The end of the main file ends the program; in a subprogram file endsub is missing.
-      if (calls_.size() == 1) break;
-      run_.try_block([&] { end_without_endsub(); });
-      continue;
-    }
-    run_.canon.set_line(int(line_index_) + 1, call.source->file);
-    const std::size_t line_before = line_index_;
-    // After an error reading continues at the next line, unless the statement itself has moved on.
-    if (!run_.try_block([&] { has_ended_ = !execute_line(); }) && line_index_ == line_before)
-      ++line_index_;
-  }
+  run_lines();
   run_.try_block([&] { machine_.finish(); });
   const std::vector<std::string_view>& lines = sources_.front()->lines;
   run_.warn_of_unread_lines(lines, {{0, lines.size()}});
@@ -127,7 +94,7 @@ void Flow::run() {
 /// Executes a line. Returns false at the end of the program.
 bool Flow::execute_line() {
   run_.count_block();
-  const std::string_view text = calls_.back().source->lines[line_index_];
+  const std::string_view text = source().lines[line_index_];
   Cursor cursor{text, run_.canon.place()};
   // Only a line with an O can have an O word; the search costs little compared with parsing.
   if (text.find_first_of("oO") != std::string_view::npos)
@@ -176,15 +143,14 @@ void Flow::save_modes() {
       block_.words.empty() && std::ranges::all_of(block_.codes, [&](const Code& other) {
         return !other || &other == &code;
       });
-  if (!is_alone)
-    run_.canon.throw_input_error(code.word, "a separate block for " + shown(code.word.text));
+  if (!is_alone) throw_input_error(code.word, "a separate block for " + shown(code.word.text));
   Call& call = calls_.back();
-  if (code.tenths == 700 || code.tenths == 730) call.saved_modes = machine_.modes();
+  if (code.tenths == 700 || code.tenths == 730) call.restore_modes = machine_.saved_modes();
   if (code.tenths == 730) call.restores_modes = true;
-  if (code.tenths == 710) call.saved_modes.reset();
+  if (code.tenths == 710) call.restore_modes = nullptr;
   if (code.tenths != 720) return;
-  if (!call.saved_modes) run_.canon.throw_input_error(code.word, "M70 or M73 before M72", "none");
-  machine_.restore(*call.saved_modes, code.word);
+  if (!call.restore_modes) throw_input_error(code.word, "M70 or M73 before M72", "none");
+  call.restore_modes(code.word);
 }
 
 void Flow::set_parameters(const Block& block, const Cursor& cursor) {
@@ -231,8 +197,7 @@ bool Flow::has_named_parameter(const std::string& name) const {
 /// Parses #n, ##n, #[...] or #<name>.
 double Flow::parse_parameter(Cursor& cursor) {
   const std::size_t from = cursor.at++;
-  cursor.skip_blanks();
-  if (cursor.current() == '<') return read_named_parameter(parse_name(cursor), cursor, from);
+  if (next_char(cursor) == '<') return read_named_parameter(parse_name(cursor), cursor, from);
   const int number = whole_number(cursor, from, parse_value(cursor, grammar(), *this), 5601);
   if (number < 1)
     cursor.throw_input_error(from, "a parameter from #1 to #5601", fmt::format("#{}", number));
@@ -246,8 +211,7 @@ std::optional<double> Flow::parse_operand(Cursor& cursor) {
   // ATAN[y]/[x] is within -180 to 180 degrees.
   if (cursor.accept("ATAN")) {
     const double y = parse_bracketed(cursor, grammar(), *this);
-    if (!cursor.accept("/"))
-      cursor.throw_input_error(cursor.at, "/ after the first argument of ATAN");
+    expect_text(cursor, "/", "/ after the first argument of ATAN");
     const double x = parse_bracketed(cursor, grammar(), *this);
     return std::atan2(y, x) / units::deg;
   }
@@ -256,7 +220,7 @@ std::optional<double> Flow::parse_operand(Cursor& cursor) {
         (cursor.skip_blanks(), cursor.current() != '<'))
       cursor.throw_input_error(from, "[#<name>] after EXISTS");
     const bool exists = has_named_parameter(parse_name(cursor));
-    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] after EXISTS");
+    expect_text(cursor, "]", "] after EXISTS");
     return exists ? 1.0 : 0.0;
   }
   return std::nullopt;
@@ -264,9 +228,6 @@ std::optional<double> Flow::parse_operand(Cursor& cursor) {
 
 namespace {
 
-constexpr std::size_t max_file_bytes = std::size_t(1) << 26;  // of a subprogram
-// Bounds memory for a folder of generated programs.
-constexpr std::size_t max_sources = 1000;
 // Keeps the count within a long long, and reports an endless repeat before it runs.
 constexpr double max_repeats = 1e9;
 
@@ -275,8 +236,7 @@ constexpr double max_repeats = 1e9;
 /// Parses the O word at the beginning of a line, after block skip and line number. Returns nothing
 /// if the line has none or is skipped.
 std::optional<OWord> Flow::read_o_word(Cursor& cursor) {
-  cursor.skip_blanks();
-  if (cursor.current() == '/') {
+  if (next_char(cursor) == '/') {
     if (run_.canon.options().block_skip.test(0)) return std::nullopt;
     ++cursor.at;
     cursor.skip_blanks();
@@ -289,8 +249,7 @@ std::optional<OWord> Flow::read_o_word(Cursor& cursor) {
   if (upper(cursor.current()) != 'O') return std::nullopt;
   OWord o;
   const std::size_t from = cursor.at++;
-  cursor.skip_blanks();
-  if (cursor.current() == '<') {
+  if (next_char(cursor) == '<') {
     o.label = "<" + parse_name(cursor) + ">";
   } else {
     const std::size_t number = cursor.at;
@@ -309,7 +268,7 @@ std::optional<OWord> Flow::read_o_word(Cursor& cursor) {
 /// error.
 std::optional<OWord> Flow::find_o_word(const Source& source, std::size_t at) {
   const std::string_view text = source.lines[at];
-  Cursor cursor = cursor_of_line(source, at);
+  Cursor cursor{text, run_.canon.place()};
   std::size_t i = text.find_first_not_of(" \t");
   if (i == std::string_view::npos) return std::nullopt;
   const char c = upper(text[i]);
@@ -323,7 +282,7 @@ std::optional<OWord> Flow::find_o_word(const Source& source, std::size_t at) {
 
 // Lines are stored because loops repeat the search.
 std::size_t Flow::find_next(const OWord& o, std::initializer_list<std::string_view> keywords) {
-  const Source& source = *calls_.back().source;
+  const Source& source = this->source();
   std::string key = fmt::format("{}:{}:{}", source.file, line_index_, *keywords.begin());
   if (const auto entry = found_lines_.find(key); entry != found_lines_.end()) return entry->second;
   for (std::size_t i = line_index_ + 1; i < source.lines.size(); ++i) {
@@ -333,8 +292,8 @@ std::size_t Flow::find_next(const OWord& o, std::initializer_list<std::string_vi
     found_lines_.emplace(std::move(key), i);
     return i;
   }
-  run_.canon.throw_input_error(
-      o.cause, fmt::format("o{} {} after it", o.label, *(keywords.end() - 1)), "none");
+  throw_input_error(o.cause, fmt::format("o{} {} after it", o.label, *(keywords.end() - 1)),
+                    "none");
 }
 
 double Flow::evaluate_condition(Cursor& cursor) {
@@ -361,25 +320,23 @@ void Flow::execute_o_word(const OWord& o, Cursor cursor) {
   if (o.keyword == "call") return call_subprogram(o, cursor);
   if (is_one_of({"return", "endsub"})) return return_from_subprogram(o, cursor);
   if (o.keyword == "sub") {
-    if (calls_.size() > 1) run_.canon.throw_input_error(o.cause, "endsub before another sub");
+    if (calls_.size() > 1) throw_input_error(o.cause, "endsub before another sub");
     // The definition of a subprogram is skipped.
     line_index_ = find_next(o, {"endsub"}) + 1;
     return;
   }
-  run_.canon.throw_input_error(
-      o.cause,
-      "sub endsub call return if elseif else endif while endwhile do repeat "
-      "endrepeat break or continue after an O word");
+  throw_input_error(o.cause,
+                    "sub endsub call return if elseif else endif while endwhile do repeat "
+                    "endrepeat break or continue after an O word");
 }
 
 void Flow::execute_if(const OWord& o, Cursor& cursor) {
   // LinuxCNC rejects elseif, else and endif if their if has not been executed.
-  std::string key = fmt::format("{}:{}", calls_.back().source->file, o.label);
+  std::string key = fmt::format("{}:{}", source().file, o.label);
   if (o.keyword == "if")
     executed_ifs_.insert(std::move(key));
   else if (!executed_ifs_.contains(key))
-    run_.canon.throw_input_error(o.cause, fmt::format("o{} if before {}", o.label, o.keyword),
-                                 "none");
+    throw_input_error(o.cause, fmt::format("o{} if before {}", o.label, o.keyword), "none");
   if (o.keyword == "endif") {
     ++line_index_;
     return;
@@ -397,9 +354,8 @@ void Flow::execute_if(const OWord& o, Cursor& cursor) {
   while (true) {
     line_index_ = find_next(o, {"elseif", "else", "endif"});
     run_.count_block();
-    const Source& source = *calls_.back().source;
-    run_.canon.set_line(int(line_index_) + 1, source.file);
-    Cursor next = cursor_of_line(source, line_index_);
+    run_.canon.set_line(int(line_index_) + 1, source().file);
+    Cursor next{source().lines[line_index_], run_.canon.place()};
     const auto other = read_o_word(next);
     next.at = other->end;
     if (other->keyword != "elseif" || evaluate_condition(next) != 0) break;
@@ -436,12 +392,11 @@ void Flow::execute_loop(const OWord& o, Cursor& cursor) {
     }
   } else if (o.keyword == "endwhile") {
     if (!is_running || loops.back().kind != Loop::Kind::While)
-      run_.canon.throw_input_error(o.cause, fmt::format("o{} while before endwhile", o.label),
-                                   "none");
+      throw_input_error(o.cause, fmt::format("o{} while before endwhile", o.label), "none");
     line_index_ = loops.back().line;
   } else if (o.keyword == "repeat") {
     const double count = evaluate_condition(cursor);
-    if (!(count <= max_repeats)) run_.canon.throw_input_error(o.cause, "at most 1e9 repeats");
+    if (!(count <= max_repeats)) throw_input_error(o.cause, "at most 1e9 repeats");
     if (std::llround(count) <= 0) {
       line_index_ = find_next(o, {"endrepeat"}) + 1;
     } else {
@@ -450,8 +405,7 @@ void Flow::execute_loop(const OWord& o, Cursor& cursor) {
     }
   } else {
     if (!is_running || loops.back().kind != Loop::Kind::Repeat)
-      run_.canon.throw_input_error(o.cause, fmt::format("o{} repeat before endrepeat", o.label),
-                                   "none");
+      throw_input_error(o.cause, fmt::format("o{} repeat before endrepeat", o.label), "none");
     if (--loops.back().remaining_repeats > 0) {
       line_index_ = loops.back().line + 1;
     } else {
@@ -467,7 +421,7 @@ void Flow::leave_loop(const OWord& o, bool continues) {
   const auto target = std::find_if(loops.rbegin(), loops.rend(),
                                    [&](const Loop& loop) { return loop.label == o.label; });
   if (target == loops.rend())
-    run_.canon.throw_input_error(o.cause, "a loop with this label around " + o.keyword, "none");
+    throw_input_error(o.cause, "a loop with this label around " + o.keyword, "none");
   loops.erase(target.base(), loops.end());
   const Loop loop = loops.back();
   const std::string_view end = loop.kind == Loop::Kind::While ? "endwhile"
@@ -480,17 +434,6 @@ void Flow::leave_loop(const OWord& o, bool continues) {
     line_index_ = find_next(o, {end}) + 1;
     loops.pop_back();
   }
-}
-
-const Source& Flow::load_source(const std::filesystem::path& file) {
-  if (sources_.size() == max_sources)
-    run_.canon.throw_input_error({1, {}}, "at most 1000 files of subprograms", "more");
-  auto source = std::make_unique<Source>();
-  source->text = read_text(file, max_file_bytes);
-  source->lines = lines_of_text(source->text);
-  source->file = run_.canon.add_file(file.string());
-  sources_.push_back(std::move(source));
-  return *sources_.back();
 }
 
 /// Returns a subprogram of the running file, else of the main program, else of a file of its name.
@@ -523,13 +466,12 @@ Flow::Subprogram Flow::find_subprogram(const OWord& o) {
         "o" + o.label, o.cause,
         fmt::format("a subprogram o{} in the program, or {}.ngc next to it", o.label, name),
         "none");
-  const Source& source = load_source(file);
+  const Source& source = add_source_file(file, file.string());
   for (std::size_t i = 0; i < source.lines.size(); ++i)
     if (const auto other = find_o_word(source, i);
         other && other->keyword == "sub" && other->label == o.label)
       return subprograms_[file_key] = {&source, i};
-  run_.canon.throw_input_error(o.cause, fmt::format("o{} sub in {}", o.label, file.string()),
-                               "none");
+  throw_input_error(o.cause, fmt::format("o{} sub in {}", o.label, file.string()), "none");
 }
 
 void Flow::call_subprogram(const OWord& o, Cursor& cursor) {
@@ -553,11 +495,10 @@ void Flow::call_subprogram(const OWord& o, Cursor& cursor) {
 }
 
 void Flow::return_from_subprogram(const OWord& o, Cursor& cursor) {
-  if (calls_.size() == 1)
-    run_.canon.throw_input_error(o.cause, "a call before " + o.keyword, "none");
+  if (calls_.size() == 1) throw_input_error(o.cause, "a call before " + o.keyword, "none");
   // Subprograms do not nest, so the label must be that of the running one.
   if (calls_.back().name != o.label)
-    run_.canon.throw_input_error(o.cause, fmt::format("o{} {}", calls_.back().name, o.keyword));
+    throw_input_error(o.cause, fmt::format("o{} {}", calls_.back().name, o.keyword));
   cursor.skip_blanks();
   std::optional<double> result;
   if (cursor.current() == '[') result = parse_bracketed(cursor, grammar(), *this);
@@ -567,13 +508,13 @@ void Flow::return_from_subprogram(const OWord& o, Cursor& cursor) {
   calls_.pop_back();
   variables_.leave();
   // M73 restores the modes at the end of the call.
-  if (call.restores_modes && call.saved_modes) machine_.restore(*call.saved_modes, o.cause);
+  if (call.restores_modes && call.restore_modes) call.restore_modes(o.cause);
   if (!variables_.set("_value", result.value_or(0.0)) ||
       !variables_.set("_value_returned", result ? 1.0 : 0.0))
     cursor.throw_input_error(0, "fewer parameters", "too many");
 }
 
-void Flow::end_without_endsub() {
+void Flow::end_call() {
   const Call call = calls_.back();
   line_index_ = call.return_line;
   calls_.pop_back();

@@ -37,21 +37,6 @@ using NineAxes = std::array<double, 9>;
 program::Frame system_frame(const program::Canon& canon, std::span<const double> origin,
                             std::span<const double> shift, double rotation, const Cause& cause);
 
-/// Modes that M70 saves: all except the motion mode.
-struct Modes {
-  bool is_inch = false, is_incremental = false, has_absolute_centre = false;
-  bool is_diameter_mode = false, returns_to_r = true;
-  int plane = 17, system = 1, spindle = 0;
-  program::FeedMode feed_mode = program::FeedMode::PerMinute;
-  std::optional<program::Feed> feed = {};
-  bool has_surface_speed = false;
-  double speed = 0.0;
-  std::optional<double> max_rpm;
-  double rpm = 0.0;
-  bool is_compensated = false, has_tip_length = false, has_tip_kinematics = false;
-  kinematics::AxisVector length_shift = {};
-};
-
 /// State of a LinuxCNC control: modes, coordinate systems and tools. Executes blocks and issues
 /// their moves to the canon.
 class Machine : public GCodeControl {
@@ -60,12 +45,11 @@ class Machine : public GCodeControl {
 
   /// Executes a block. Returns false at the end of the program.
   bool execute(const Block& block);
-  Modes modes() const;
-  /// Restores saved modes. Throws BadInput if tool length or cutter compensation differ from those
-  /// saved.
-  void restore(const Modes& modes, const Cause& cause);
+  /// Returns a function that restores the modes in force now, all except the motion mode (M70). It
+  /// throws BadInput if tool length or cutter compensation differ from those saved.
+  std::function<void(const Cause&)> saved_modes();
   /// Makes the moves that are still postponed at the end of the program.
-  void finish() { compensation_.finish(); }
+  void finish() { compensation_.end(); }
 
   /// Returns a numbered parameter from 31 on, including those of the machine, or 0 if it has not
   /// been set.
@@ -88,7 +72,7 @@ class Machine : public GCodeControl {
   void call_tools(const Block& block);
   void execute_one_block(const Block& block);
   void dwell(const Block& block);
-  const Word* first_axis_word(const Block& block) const;
+  const Word* first_axis_word(const Block& block) const { return block.first_word("XYZABCUVW@^"); }
   /// Returns the value of an axis word, mm or degrees. X becomes a radius, also under G7.
   double axis_word(int k, const Word& word) const;
   Cause motion_cause(const Block& block) const;

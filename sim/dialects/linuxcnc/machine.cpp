@@ -56,13 +56,7 @@ Machine::Machine(ProgramRun& run)
 
 /// Records the modes that a block states and those that it depends on.
 void Machine::note_start_modes(const Block& block) {
-  const std::pair<Group, StartMode> groups[] = {{Group::Units, StartMode::Units},
-                                                {Group::Distance, StartMode::Distance},
-                                                {Group::Plane, StartMode::Plane},
-                                                {Group::FeedMode, StartMode::Feed},
-                                                {Group::WorkOffset, StartMode::WorkOffset}};
-  for (const auto& [group, mode] : groups)
-    if (block[group]) run_.mark_stated(mode);
+  mark_stated_modes(run_, block);
   if (block[Group::LatheDiameter]) is_diameter_mode_known_ = true;
   if (!first_axis_word(block)) return;
   // The assumption is reported because LinuxCNC, unlike Fanuc and Siemens, begins a lathe in G8.
@@ -82,17 +76,6 @@ double Machine::axis_word(int k, const Word& word) const {
   const bool is_rotary = k >= 3 && k <= 5;
   if (is_rotary) return word.value;
   return word.value * unit() * (k == 0 && is_diameter_mode_ ? 0.5 : 1.0);
-}
-
-const Word* Machine::first_axis_word(const Block& block) const {
-  const Word* first = nullptr;
-  const auto consider = [&](const Word& word) {
-    if (word && (first == nullptr || word.column < first->column)) first = &word;
-  };
-  for (const char letter : axis_letters) consider(block[letter]);
-  consider(block.radius());
-  consider(block.angle());
-  return first;
 }
 
 // Returns the word that messages about the motion of a block point at.
@@ -145,7 +128,7 @@ void Machine::check_words(const Block& block) const {
   // An unknown G code may give the axis words another meaning; an unknown M code does not.
   check_skipped_code(canon_, block, axis);
   if (block.is_polar()) {
-    const Word& word = block.radius() ? block.radius() : block.angle();
+    const Word& word = block['@'] ? block['@'] : block['^'];
     if (block['X'] || block['Y']) throw_input_error(word, "either X Y or @ ^");
     if (plane_ != 17 || owns_axis_words || joint(0) < 0 || joint(1) < 0)
       throw_input_error(word, "a move in the plane of X and Y with @ and ^");
@@ -329,78 +312,59 @@ void Machine::dwell(const Block& block) {
 void Machine::execute_one_block(const Block& block) {
   const Code& code = block[Group::OneShot];
   if (compensation_.is_on()) throw_input_error(code.word, "G40 before " + shown(code.word.text));
-  switch (code.tenths) {
-    case 100:
-      return store_data(block);
-    case 280:
-    case 281:
-    case 300:
-    case 301:
-      return move_to_reference(block);
-    default:
-      return shift_origin(block);
-  }
+  if (code.tenths == 100) return store_data(block);
+  // G28, G28.1, G30 and G30.1
+  if (code.tenths < 400) return move_to_reference(block);
+  return shift_origin(block);
 }
 
-Modes Machine::modes() const {
-  return {canon_.inch(),
-          is_incremental_,
-          has_absolute_centre_,
-          is_diameter_mode_,
-          returns_to_r_,
-          plane_,
-          system_,
-          canon_.spindle_direction(),
-          canon_.feed_mode(),
-          canon_.feed(),
-          has_surface_speed_,
-          speed_,
-          max_rpm_,
-          canon_.spindle_speed(),
-          compensation_.is_on(),
-          has_tip_length_,
-          has_tip_kinematics_,
-          length_shift_};
-}
-
-void Machine::restore(const Modes& modes, const Cause& cause) {
-  // LinuxCNC does not restore tool length and compensation either; a difference shows an error of
-  // the program.
-  const bool is_same_length =
-      modes.length_shift.size() == length_shift_.size() && modes.length_shift == length_shift_;
-  if (!is_same_length || modes.has_tip_length != has_tip_length_ ||
-      modes.has_tip_kinematics != has_tip_kinematics_)
-    throw_input_error(cause, "the saved tool length: restoring the modes does not restore it",
-                      "a different length");
-  if (modes.is_compensated != compensation_.is_on())
-    throw_input_error(cause, "G40, G41 or G42 as saved: restoring the modes does not restore it",
-                      "a different state");
-  if (compensation_.is_on() && (modes.system != system_ || modes.plane != plane_))
-    throw_input_error(cause, "no change of the plane and coordinate system under G41 or G42");
-  canon_.set_inch(modes.is_inch);
-  is_incremental_ = modes.is_incremental;
-  has_absolute_centre_ = modes.has_absolute_centre;
-  is_diameter_mode_ = modes.is_diameter_mode;
-  returns_to_r_ = modes.returns_to_r;
-  plane_ = modes.plane;
-  canon_.set_feed_mode(modes.feed_mode);
-  canon_.set_feed(modes.feed);
-  has_surface_speed_ = modes.has_surface_speed;
-  speed_ = modes.speed;
-  max_rpm_ = modes.max_rpm;
-  canon_.set_spindle_speed(modes.rpm);
-  apply_surface_speed(speed_);
-  canon_.turn_spindle(modes.spindle);
-  if (modes.system != system_) select_work_offset(modes.system);
+std::function<void(const Cause&)> Machine::saved_modes() {
+  return [this, inch = canon_.inch(), is_incremental = is_incremental_,
+          has_absolute_centre = has_absolute_centre_, is_diameter_mode = is_diameter_mode_,
+          returns_to_r = returns_to_r_, plane = plane_, system = system_,
+          direction = canon_.spindle_direction(), feed_mode = canon_.feed_mode(),
+          feed = canon_.feed(), has_surface_speed = has_surface_speed_, speed = speed_,
+          max_rpm = max_rpm_, rpm = canon_.spindle_speed(), is_compensated = compensation_.is_on(),
+          has_tip_length = has_tip_length_, has_tip_kinematics = has_tip_kinematics_,
+          length_shift = length_shift_](const Cause& cause) {
+    // LinuxCNC does not restore tool length and compensation either; a difference shows an error of
+    // the program.
+    const bool is_same_length =
+        length_shift.size() == length_shift_.size() && length_shift == length_shift_;
+    if (!is_same_length || has_tip_length != has_tip_length_ ||
+        has_tip_kinematics != has_tip_kinematics_)
+      throw_input_error(cause, "the saved tool length: restoring the modes does not restore it",
+                        "a different length");
+    if (is_compensated != compensation_.is_on())
+      throw_input_error(cause, "G40, G41 or G42 as saved: restoring the modes does not restore it",
+                        "a different state");
+    if (compensation_.is_on() && (system != system_ || plane != plane_))
+      throw_input_error(cause, "no change of the plane and coordinate system under G41 or G42");
+    canon_.set_inch(inch);
+    is_incremental_ = is_incremental;
+    has_absolute_centre_ = has_absolute_centre;
+    is_diameter_mode_ = is_diameter_mode;
+    returns_to_r_ = returns_to_r;
+    plane_ = plane;
+    canon_.set_feed_mode(feed_mode);
+    canon_.set_feed(feed);
+    has_surface_speed_ = has_surface_speed;
+    speed_ = speed;
+    max_rpm_ = max_rpm;
+    canon_.set_spindle_speed(rpm);
+    apply_surface_speed(speed_);
+    canon_.turn_spindle(direction);
+    if (system != system_) select_work_offset(system);
+  };
 }
 
 /// Returns the block without $, and without words for a spindle that the machine does not have.
 Block Machine::without_spindle(const Block& block) const {
-  const Word& spindle = block.spindle();
+  const Word& spindle = block['$'];
   if (spindle.value < -1 || spindle.value > 7 || spindle.value != std::floor(spindle.value))
     throw_input_error(spindle, "a spindle from 0 to 7, or -1 for all");
   Block result = block;
-  result.words.put(28, {});
+  result.words.put(Block::slot('$'), {});
   // $0 and $-1 address the only spindle of the machine.
   if (spindle.value <= 0) return result;
   // A synchronised motion follows its spindle, so the word cannot be ignored.
@@ -417,7 +381,7 @@ Block Machine::without_spindle(const Block& block) const {
 }
 
 bool Machine::execute(const Block& block) {
-  if (block.spindle()) return execute(without_spindle(block));
+  if (block['$']) return execute(without_spindle(block));
   for (const std::string_view text : block.comments) canon_.comment(text);
   check_words(block);
   note_start_modes(block);
@@ -461,15 +425,9 @@ double Machine::parameter(int number) const {
   }
   if (number == 5400) return tool_;
   // #5403 is the table value of the tool in the spindle, whatever length is in force.
-  if (number == 5403 && !run_.is_turning()) {
-    const auto length = length_.find(tool_);
-    return length == length_.end() ? 0.0 : length->second;
-  }
+  if (number == 5403 && !run_.is_turning()) return find_value(length_, tool_).value_or(0.0);
   if (number >= 5401 && number <= 5409) return run_.is_turning() ? tool_shift(number - 5401) : 0.0;
-  if (number == 5410) {
-    const auto radius = radius_.find(tool_);
-    return radius == radius_.end() ? 0.0 : 2 * radius->second;
-  }
+  if (number == 5410) return 2 * find_value(radius_, tool_).value_or(0.0);
   return parameters_[std::size_t(number)];
 }
 

@@ -6,7 +6,7 @@ using Eigen::Vector2d;
 
 // Under G91 radius and angle are increments of the current polar position.
 Eigen::Vector2d Machine::polar_end(const Block& block, const Eigen::Vector2d& from) const {
-  const Word &r = block.radius(), &a = block.angle();
+  const Word &r = block['@'], &a = block['^'];
   double radius = from.norm(), angle = std::atan2(from.y(), from.x()) / units::deg;
   if (r) radius = r.value * unit() + (is_incremental_ ? radius : 0.0);
   if (a) angle = a.value + (is_incremental_ ? angle : 0.0);
@@ -28,7 +28,7 @@ Target Machine::block_target(const Block& block, bool in_machine_coordinates) co
   if (block.is_polar()) {
     const AxisVector p = programmed_position();
     const Eigen::Vector2d end = polar_end(block, {p[joint(0)], p[joint(1)]});
-    const Word& word = block.radius() ? block.radius() : block.angle();
+    const Word& word = block['@'] ? block['@'] : block['^'];
     target.to(joint(0), end.x(), word);
     target.to(joint(1), end.y(), word);
   }
@@ -297,6 +297,12 @@ namespace {
 constexpr double peck_clearance = 0.254;
 // Bounds the number of moves in a hole whose Q is far below any chip thickness.
 constexpr double max_pecks = 1e5;
+
+// Steps of the cycles from the bottom of a hole on: d dwell, s spindle stop, v spindle reversed, o
+// spindle as before, R feed to R, c and C rapid and feed to the level at which the tool leaves.
+constexpr gcode::CodeLetters hole_steps[] = {{730, "c"},  {740, "vdCo"}, {810, "c"},
+                                             {820, "dc"}, {830, "c"},    {840, "vdCo"},
+                                             {850, "Rc"}, {860, "dsco"}, {890, "dC"}};
 }  // namespace
 
 /// Moves to a point in program coordinates.
@@ -423,33 +429,13 @@ void Machine::make_hole(const Hole& hole) {
   }
   move_to_level(hole.bottom, false);
   const int direction = canon_.spindle_direction();
-  const auto dwell = [&] { canon_.dwell(cycle_.p, {1, {}}); };
-  switch (motion_) {
-    case 740:
-    case 840:
-      // The spindle is reversed at the bottom and again outside the hole.
-      canon_.turn_spindle(-direction);
-      dwell();
-      move_to_level(hole.clearance_level, false);
-      canon_.turn_spindle(direction);
-      return;
-    case 860:
-      dwell();
-      canon_.turn_spindle(0);
-      move_to_level(hole.clearance_level, true);
-      canon_.turn_spindle(direction);
-      return;
-    case 820:
-      dwell();
-      return move_to_level(hole.clearance_level, true);
-    case 850:
-      move_to_level(hole.r, false);
-      return move_to_level(hole.clearance_level, true);
-    case 890:
-      dwell();
-      return move_to_level(hole.clearance_level, false);
-    default:
-      return move_to_level(hole.clearance_level, true);
+  for (const char step : gcode::letters_of_code(hole_steps, motion_)) {
+    if (step == 'd') canon_.dwell(cycle_.p, {1, {}});
+    if (step == 's') canon_.turn_spindle(0);
+    if (step == 'v') canon_.turn_spindle(-direction);
+    if (step == 'o') canon_.turn_spindle(direction);
+    if (step == 'R') move_to_level(hole.r, false);
+    if (step == 'c' || step == 'C') move_to_level(hole.clearance_level, step == 'c');
   }
 }
 

@@ -73,15 +73,10 @@ void Machine::load_origin(int number) {
 }
 
 double Machine::tool_length(int tool, const Cause& cause) const {
-  const auto length = length_.find(tool);
-  if (length != length_.end()) return length->second;
+  if (const auto length = find_value(length_, tool)) return *length;
   if (tool == 0) return 0.0;
   // Usually the tool table lacks an entry, so the message lists the known ones.
-  std::string known_lengths;
-  for (const auto& [number, mm] : length_) known_lengths += fmt::format(" H{}", number);
-  throw_input_error(cause, "a known tool length (" +
-                               (known_lengths.empty() ? "none known" : known_lengths.substr(1)) +
-                               ")");
+  throw_input_error(cause, "a known tool length (" + known_numbers(length_, "H") + ")");
 }
 
 void Machine::set_tool_length(const Block& block) {
@@ -328,11 +323,11 @@ void Machine::set_compensation(const Block& block) {
                                   : tool_;
     if (d && (d.value < 0 || d.value != std::floor(d.value)))
       throw_input_error(d, "an integer tool number after D");
-    const auto entry = radius_.find(tool);
-    if (entry == radius_.end() && tool != 0)
+    const auto known_radius = find_value(radius_, tool);
+    if (!known_radius && tool != 0)
       throw_input_error(d ? Cause(d) : Cause(code.word), "a tool with a known radius",
                         fmt::format("tool {}", tool));
-    radius = entry == radius_.end() ? 0.0 : entry->second;
+    radius = known_radius.value_or(0.0);
   }
   const bool left = code.tenths / 10 == 41;
   // The right-handed order of G18 is Z X; left counts in a view against Y.

@@ -346,8 +346,7 @@ std::string tool_table(const NcOptions& control, const std::set<int>& called_too
         fmt::format("{}", tools.size()));
   for (int n = 1; n < int(max_tools) && tools.size() < max_tools; ++n) tools.insert(n);
   const auto inches = [](const std::map<int, double>& values, int tool, double default_value) {
-    const auto value = values.find(tool);
-    return (value == values.end() ? default_value : value->second) * inch_per_mm;
+    return find_value(values, tool).value_or(default_value) * inch_per_mm;
   };
   const auto length_words = [&](int tool) {
     const kinematics::Chain* to_tip = chain_to_tip(control, tool);
@@ -405,7 +404,7 @@ void check_origins(const NumberedProgram& program, const ProgramRun& run,
   if (zero.isZero(0.0)) return;
   for (int number = 1; number <= program.max_number(); ++number) {
     const linuxcnc::LineCodes codes = linuxcnc::parse_codes(program.text_of(number));
-    const bool sets_origin = codes.has_g10 && (codes.l == 2 || codes.l < 0);
+    const bool sets_origin = codes.has({100}) && (codes.l == 2 || codes.l < 0);
     if (!sets_origin && !codes.has_system_parameter) continue;
     const auto [file, line] = program.location_of(number);
     canon.set_line(line, file);

@@ -52,36 +52,12 @@ std::size_t end_of_brackets(std::string_view text, std::size_t at) {
   return text.size();
 }
 
-/// Words of a line that decide how it is passed to rs274.
-struct LineWords {
-  LineCodes codes;
-  bool has_m6 = false, has_m61 = false, has_m98 = false;
-  bool has_other_length = false;  ///< G43.1 or G43.2
-  int p = -1, q = -1;
-};
+}  // namespace
 
-void note_code(LineWords& words, char letter, double value) {
-  // Tenths of the number, plus 100000 for M, so that an integer identifies the code.
-  const int code =
-      int(std::lround(std::clamp(value, 0.0, 1e4) * 10)) + (letter == 'M' ? 100000 : 0);
-  LineCodes& codes = words.codes;
-  codes.has_g53 |= code == 530;
-  codes.has_reference |= code == 280 || code == 281 || code == 300 || code == 301;
-  codes.has_g43 |= code == 430;
-  codes.has_g49 |= code == 490;
-  codes.has_g41_g42 |= code == 410 || code == 420;
-  codes.has_g10 |= code == 100;
-  codes.has_m66 |= code == 100660;
-  words.has_m6 |= code == 100060;
-  words.has_other_length |= code == 431 || code == 432;
-  words.has_m61 |= code == 100610;
-  words.has_m98 |= code == 100980;
-}
-
-LineWords parse_words(std::string_view line) {
+LineCodes parse_codes(std::string_view line) {
   const std::string text = compact(line);
-  LineWords words;
-  words.codes.has_assignment = text.find('=') != std::string::npos;
+  LineCodes words;
+  words.has_assignment = text.find('=') != std::string::npos;
   for (std::size_t at = 0; at < text.size();) {
     const char letter = text[at];
     // Letters and numbers in expressions and names form no words.
@@ -92,35 +68,39 @@ LineWords parse_words(std::string_view line) {
     ++at;
     if (letter == '#') {  // the number after # forms no word
       const auto number = parse_literal(text, at);
-      words.codes.has_system_parameter |= number && *number >= 5221 && *number <= 5390;
+      words.has_system_parameter |= number && *number >= 5221 && *number <= 5390;
       continue;
     }
     if (!is_letter(letter) || at == text.size()) continue;
     const bool is_code = letter == 'G' || letter == 'M';
-    words.codes.has_computed_code |= is_code && (text[at] == '[' || text[at] == '#');
+    words.has_computed_code |= is_code && (text[at] == '[' || text[at] == '#');
     const auto value = parse_literal(text, at);
-    if (!value && letter == 'H') words.codes.h = not_literal;
-    if (!value && letter == 'D') words.codes.d = not_literal;
+    if (!value && letter == 'H') words.h = not_literal;
+    if (!value && letter == 'D') words.d = not_literal;
     if (!value) continue;
-    if (is_code) note_code(words, letter, *value);
+    if (is_code)
+      words.codes.push_back(int(std::lround(std::clamp(*value, 0.0, 1e4) * 10)) +
+                            (letter == 'M' ? LineCodes::m_code : 0));
     const int number = *value >= 0 && *value <= 1e9 ? int(*value) : -1;
-    words.codes.has_f |= letter == 'F';
-    if (letter == 'H') words.codes.h = number;
-    if (letter == 'D') words.codes.d = number;
-    if (letter == 'L') words.codes.l = number;
-    if (letter == 'T') words.codes.tool = number;
+    words.has_f |= letter == 'F';
+    if (letter == 'H') words.h = number;
+    if (letter == 'D') words.d = number;
+    if (letter == 'L') words.l = number;
+    if (letter == 'T') words.tool = number;
     if (letter == 'P') words.p = number;
     if (letter == 'Q') words.q = number;
   }
   // M61 states its tool by Q.
-  if (words.has_m61) words.codes.tool = words.q;
+  if (words.has({LineCodes::m_code + 610})) words.tool = words.q;
   return words;
 }
 
+namespace {
+
 /// Returns the name, in lower case, of the subprogram that a line calls by a literal name or
 /// number. Returns an empty text for any other line.
-std::string called_subprogram(std::string_view line, const LineWords& words) {
-  if (words.has_m98 && words.p >= 0) return std::to_string(words.p);
+std::string called_subprogram(std::string_view line, const LineCodes& words) {
+  if (words.has({LineCodes::m_code + 980}) && words.p >= 0) return std::to_string(words.p);
   std::string text = compact(line);
   std::size_t at = text.starts_with("N") ? text.find_first_not_of("0123456789.", 1) : 0;
   if (at == std::string::npos || text[at] != 'O') return {};
@@ -166,9 +146,9 @@ std::vector<std::string_view> split_words(std::string_view block) {
 
 /// Returns true if the block changes both the tool and the tool length.
 bool changes_tool_and_length(std::string_view block) {
-  const LineWords words = parse_words(block);
-  return words.has_m6 && !words.codes.has_assignment &&
-         (words.codes.has_g43 || words.codes.has_g49 || words.has_other_length);
+  const LineCodes words = parse_codes(block);
+  return words.has({LineCodes::m_code + 60}) && !words.has_assignment &&
+         words.has({430, 431, 432, 490});
 }
 
 /// Splits a block that changes tool and tool length: returns T and M6, then the other words. For
@@ -176,7 +156,8 @@ bool changes_tool_and_length(std::string_view block) {
 std::pair<std::string, std::string> split_tool_change(std::string_view block) {
   std::string tool_change, other_words;
   for (const std::string_view word : split_words(block)) {
-    const bool changes_tool = upper(word.front()) == 'T' || parse_words(word).has_m6;
+    const bool changes_tool =
+        upper(word.front()) == 'T' || parse_codes(word).has({LineCodes::m_code + 60});
     (changes_tool ? tool_change : other_words) += word;
   }
   return {tool_change, other_words};
@@ -213,8 +194,6 @@ std::string_view without_number(std::string_view line) {
 }
 
 }  // namespace
-
-LineCodes parse_codes(std::string_view line) { return parse_words(line).codes; }
 
 NumberedProgram::NumberedProgram(std::string_view text, const std::string& file, std::string before,
                                  ProgramRun& run, const fs::path& folder)
@@ -295,9 +274,9 @@ void NumberedProgram::write(const File& file, const fs::path& folder) {
     if (!line.empty() && !is_percent) text += std::exchange(before_, {});
     text += line + '\n';
     if (is_percent) text += std::exchange(before_, {});
-    const LineWords words = parse_words(lines[i]);
-    if (words.codes.tool > 0) tools_.insert(words.codes.tool);
-    if (words.codes.has_m66) {
+    const LineCodes words = parse_codes(lines[i]);
+    if (words.tool > 0) tools_.insert(words.tool);
+    if (words.has({LineCodes::m_code + 660})) {
       run_.canon.set_line(int(i) + 1, file.canon_file);
       run_.canon.throw_input_error({}, "no wait for an input: there are no inputs", "M66");
     }
@@ -578,10 +557,10 @@ void Commands::comment(std::string_view text) {
       "under G41 and G42 LinuxCNC's own interpreter outputs a move when it reads the next one: the "
       "lines of such moves may be those of the next block");
   // The tool table has a placeholder for every unknown radius, so rs274 cannot detect this error.
-  if (codes_.has_g41_g42 && codes_.d == -1 && tool_ <= 0)
+  if (codes_.has({410, 420}) && codes_.d == -1 && tool_ <= 0)
     throw_input_error("T and M6 before G41 and G42", "no tool called");
   const int tool = codes_.d >= 0 ? codes_.d : tool_;
-  if (codes_.has_g41_g42 && codes_.d != not_literal && tool > 0 &&
+  if (codes_.has({410, 420}) && codes_.d != not_literal && tool > 0 &&
       run_.options().control.tool_radius.count(tool) == 0 && stored_tools_.count(tool) == 0)
     throw_input_error("a tool with a known radius", fmt::format("tool {}", tool));
 }

@@ -14,16 +14,21 @@ inline constexpr int not_literal = -2;
 
 /// Codes of a line, comments excluded.
 struct LineCodes {
-  bool has_g53 = false, has_g49 = false, has_g10 = false, has_m66 = false, has_f = false;
-  bool has_reference = false;         ///< G28 G28.1 G30 G30.1
-  bool has_g43 = false;               ///< G43 without decimals
-  bool has_g41_g42 = false;           ///< G41 G42 without decimals
+  std::vector<int> codes;  ///< in tenths, G43.1 as 431; M codes plus `m_code`
+  bool has_f = false;
   bool has_computed_code = false;     ///< a G or M whose number is computed
   bool has_assignment = false;        ///< #1 = 2
   bool has_system_parameter = false;  ///< #5221 to #5390: origins of the coordinate systems
-  int h = -1, d = -1;  ///< H and D if they are literals, else `not_literal`; -1: none
-  int l = -1;          ///< L if it is a literal; -1: none
-  int tool = -1;       ///< T if it is a literal, else Q of M61; -1: none
+  int h = -1, d = -1;          ///< H and D if they are literals, else `not_literal`; -1: none
+  int l = -1, p = -1, q = -1;  ///< L P Q if they are literals; -1: none
+  int tool = -1;               ///< T if it is a literal, else Q of M61; -1: none
+
+  static constexpr int m_code = 100000;
+  /// Returns true if the line has one of the codes.
+  bool has(std::initializer_list<int> wanted) const {
+    return std::ranges::find_first_of(codes, wanted) != codes.end();
+  }
+  bool has_reference() const { return has({280, 281, 300, 301}); }
 };
 
 /// Returns the codes of a line without those in comments and in names between < and >.

@@ -37,14 +37,14 @@ void Commands::feed(Straight move) {
 
 void Commands::straight(const SixAxes& programmed, bool rapid) {
   if (number_ == 0) return;  // the lead-in ends where the axes already are
-  if (codes_.has_g53 || codes_.has_reference || codes_.has_computed_code)
-    check_length_unit(codes_.has_g53 ? "G53" : "G28 and G30");
+  if (codes_.has({530}) || codes_.has_reference() || codes_.has_computed_code)
+    check_length_unit(codes_.has({530}) ? "G53" : "G28 and G30");
   // G28 and G30 make two traverses: over a point that counts with offsets, then to the stored
   // position, which does not.
-  const bool is_stored_position = codes_.has_reference && ++reference_moves_ % 2 == 0;
+  const bool is_stored_position = codes_.has_reference() && ++reference_moves_ % 2 == 0;
   Straight move{.end = end_of(programmed),
                 .cause = {0, program_.text_of(number_)},
-                .without_offset = codes_.has_g53 || is_stored_position,
+                .without_offset = codes_.has({530}) || is_stored_position,
                 .stated = ~std::uint32_t(0)};
   if (rapid)
     canon_.traverse(std::move(move));
@@ -176,16 +176,12 @@ void Commands::finish() {
 }
 
 void Commands::set_tool_length(const SixAxes& offset) {
-  if (codes_.has_g43 && codes_.h == -1 && tool_ <= 0)
+  if (codes_.has({430}) && codes_.h == -1 && tool_ <= 0)
     throw_input_error("T and M6 before G43", "no tool called");
   // An entry of 1e7 mm marks an unknown length; half of it allows for other offsets on top.
-  if (offset[2] > 0.5 * unknown_length) {
-    std::string known_lengths;
-    for (const auto& [number, mm] : run_.options().control.tool_length)
-      known_lengths += fmt::format(" H{}", number);
+  if (offset[2] > 0.5 * unknown_length)
     throw_input_error("a known tool length (" +
-                      (known_lengths.empty() ? "none known" : known_lengths.substr(1)) + ")");
-  }
+                      known_numbers(run_.options().control.tool_length, "H") + ")");
   if (offset != length_) {
     check_length_unit("G43 and G49");
     // In the block of M6 rs274 misreads a change of length, which a computed code may be.
@@ -208,8 +204,8 @@ void Commands::set_tool_length(const SixAxes& offset) {
     }
   }
   const program::Cause cause{0, program_.text_of(number_)};
-  if (codes_.has_g49) canon_.select_length(-1, cause);
-  if (codes_.has_g43 && codes_.h != not_literal)
+  if (codes_.has({490})) canon_.select_length(-1, cause);
+  if (codes_.has({430}) && codes_.h != not_literal)
     canon_.select_length(codes_.h >= 0 ? codes_.h : tool_, cause);
   canon_.set_tool_shift(std::move(shift));
 }

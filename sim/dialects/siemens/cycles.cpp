@@ -7,7 +7,6 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr Address xyz_words[] = {Address::X, Address::Y, Address::Z};
 // rad; a smaller inclination counts as none.
 constexpr double min_tilt = 1e-12;
 
@@ -53,10 +52,10 @@ CoordinateFrame Machine::programmed_frame(const Block& block) const {
   const Code& code = block[Group::Frame];
   CoordinateFrame frame;
   if (code.word == "TRANS" || code.word == "ATRANS") {
-    for (int k = 0; k < 3; ++k) frame.shift[k] = block[xyz_words[k]].value * unit();
+    for (int k = 0; k < 3; ++k) frame.shift[k] = block.axis_word(k).value * unit();
     return frame;
   }
-  const Value& in_plane = block[Address::RPL];
+  const Value& in_plane = block["RPL"];
   const Value* axis = first_axis_word(block);
   if (in_plane && axis != nullptr)
     throw_input_error(in_plane, "either RPL or X Y Z with " + shown(code.cause.text));
@@ -67,9 +66,8 @@ CoordinateFrame Machine::programmed_frame(const Block& block) const {
     return frame;
   }
   // ROT rotates about Z, then the new Y, then the new X (RPY angles, the default of the control).
-  frame.rotation = rotation_about(2, block[Address::Z].value) *
-                   rotation_about(1, block[Address::Y].value) *
-                   rotation_about(0, block[Address::X].value);
+  frame.rotation = rotation_about(2, block["Z"].value) * rotation_about(1, block["Y"].value) *
+                   rotation_about(0, block["X"].value);
   return frame;
 }
 
@@ -81,20 +79,17 @@ void Machine::execute_frame(const Block& block) {
     if (value && value.mode != PositionMode::Modal)
       throw_input_error(value, "a number with a frame");
   AxisVector axis_shift = AxisVector::Zero(programmable_axis_shift_.size());
-  static constexpr std::pair<Address, char> other_axes[] = {{Address::A, 'A'}, {Address::B, 'B'},
-                                                            {Address::C, 'C'}, {Address::U, 'U'},
-                                                            {Address::V, 'V'}, {Address::W, 'W'}};
-  for (const auto& [address, letter] : other_axes) {
-    const Value& word = block[address];
+  for (int k = 3; k < 9; ++k) {
+    const Value& word = block.axis_word(k);
     if (!word) continue;
     if (!is_shift) throw_input_error(word, "X Y Z with " + shown(code.cause.text));
-    const int j = canon_.joint_of(letter);
+    const int j = joint(k);
     axis_shift[j] = word.value * (canon_.is_linear(j) ? unit() : units::deg);
   }
-  for (const Address address : xyz_words)
-    if (const Value& word = block[address]; word && !(std::abs(word.value) <= 1e6))
+  for (int k = 0; k < 3; ++k)
+    if (const Value& word = block.axis_word(k); word && !(std::abs(word.value) <= 1e6))
       throw_input_error(word, "a number within 1e6");
-  if (is_shift && block[Address::X]) require_radius_words(block[Address::X]);
+  if (is_shift && block["X"]) require_radius_words(block["X"]);
   const CoordinateFrame frame = programmed_frame(block);
   // ATRANS and AROT add to the frame in force, TRANS and ROT replace it.
   const bool is_additive = code.word[0] == 'A';

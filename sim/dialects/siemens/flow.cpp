@@ -121,12 +121,6 @@ LineHead parse_line_head(std::string_view line) {
   return head;
 }
 
-Flow::Flow(std::string_view text, ProgramRun& run)
-    : run_(run), variables_(run.options().limits.variables) {
-  add_programs(text);
-  calls_.push_back({.program = programs_.front().get()});
-}
-
 Cursor Flow::cursor_of_line(std::size_t line) const {
   return {split_comment(calls_.back().program->lines[line]).block, run_.canon.place()};
 }
@@ -135,34 +129,18 @@ void Flow::run() {
   // The machine must know before the first block whether M6 changes tools.
   run_.try_block([&] { machine_.emplace(run_, uses_m6()); });
   if (!machine_) return;
-  run_.run_startup_code([&](std::string_view code) { execute_block({code, run_.canon.place()}); });
-  while (!has_ended_ && !run_.is_aborted()) {
-    const Call& call = calls_.back();
-    // A repeated section ends at a line, not at a keyword.
-    if (call.is_repeated_section && line_index_ == call.end) {
-      run_.try_block([&] {
-        run_.count_block();
-        finish_repeated_section();
-      });
-      continue;
-    }
-    if (line_index_ >= call.program->lines.size()) {
-      if (calls_.size() == 1) break;
-      run_.try_block([&] {
-        run_.count_block();
-        leave_program();
-      });
-      continue;
-    }
-    run_.canon.set_line(call.program->first_line + int(line_index_), call.program->file);
-    const std::size_t line_before = line_index_, depth_before = calls_.size();
-    // After an error, execution continues at the next line unless the statement itself has jumped.
-    if (!run_.try_block([&] { has_ended_ = !execute_line(); }) && line_index_ == line_before &&
-        calls_.size() == depth_before)
-      ++line_index_;
-  }
+  run_lines();
   run_.try_block([&] { machine_->finish(); });
   warn_unread();
+}
+
+void Flow::end_call() {
+  run_.count_block();
+  // A repeated section ends at a line, not at a keyword.
+  if (is_section_at_end())
+    finish_repeated_section();
+  else
+    leave_program();
 }
 
 /// Executes a line. Returns false at the end of the program.
@@ -196,14 +174,14 @@ bool Flow::execute_block(Cursor cursor) {
   const BlockResult result = machine_->execute(block_);
   const std::optional<ProgramCall> program_call = block_.call;
   // P repeats the call of a subprogram.
-  const long long count = block_[Address::P] ? (long long)(block_[Address::P].value) : 1;
-  if (block_[Address::P] && !(count >= 1 && count <= 9999))
-    run_.canon.throw_input_error(block_[Address::P], "P from 1 to 9999");
+  const long long count = block_["P"] ? (long long)(block_["P"].value) : 1;
+  if (block_["P"] && !(count >= 1 && count <= 9999))
+    throw_input_error(block_["P"], "P from 1 to 9999");
   // MCALL with a name stores the modal call; MCALL alone ends it.
   if (block_.is_modal) {
     if (program_call && !Machine::is_cycle(program_call->name) &&
         find_program(program_call->name) == nullptr)
-      run_.canon.throw_input_error(program_call->cause, "a cycle or subprogram after MCALL");
+      throw_input_error(program_call->cause, "a cycle or subprogram after MCALL");
     modal_call_ = program_call;
     return true;
   }
@@ -263,7 +241,7 @@ bool Flow::execute_keyword(const LineHead& head, Cursor cursor) {
   } else if (word == "REPEATB") {
     repeat_section(cursor, true);
   } else if (word == "GOTOS" || word == "REDEF" || word == "DEFINE" || word == "SET") {
-    run_.canon.throw_input_error(
+    throw_input_error(
         cause, "GOTOB, DEF and single values: other flow words and definitions are not supported");
   } else {
     execute_loop(head, cursor);

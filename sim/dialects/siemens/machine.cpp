@@ -103,8 +103,7 @@ Machine::Machine(ProgramRun& run, bool tool_changes_by_m6)
 
 /// Reports the assumption that X words are diameters or radii, unless the program states it.
 void Machine::note_diameters(const Block& block) {
-  if (!run_.is_turning() || is_diameter_mode_known_ || !block[Address::X] || block[Group::Frame])
-    return;
+  if (!run_.is_turning() || is_diameter_mode_known_ || !block["X"] || block[Group::Frame]) return;
   is_diameter_mode_known_ = true;
   if (run_.options().turning.x_words != XWordMeaning::FromControl) return;
   const bool are_diameters = diameter_mode_ == Diameters::On;
@@ -129,8 +128,8 @@ void Machine::require_radius_words(const Value& word) const {
 
 const Value* Machine::first_axis_word(const Block& block) const {
   const Value* first = nullptr;
-  for (const auto& [address, letter] : axis_addresses)
-    if (const Value& word = block[address];
+  for (int k = 0; k < 9; ++k)
+    if (const Value& word = block.axis_word(k);
         word && (first == nullptr || word.cause.column < first->cause.column))
       first = &word;
   return first;
@@ -140,35 +139,35 @@ const Value* Machine::first_axis_word(const Block& block) const {
 Cause Machine::motion_cause(const Block& block) const {
   if (const Code& code = block[Group::Motion]) return code.cause;
   if (const Value* axis = first_axis_word(block)) return axis->cause;
-  using enum Address;
-  for (const Address address : {CR, AR, RP, AP, I, J, K, A3, B3, C3, I1, J1, K1, TURN, RPL})
+  for (const Address address : Addresses{"CR", "AR", "RP", "AP", "I", "J", "K", "A3", "B3", "C3",
+                                         "I1", "J1", "K1", "TURN", "RPL"})
     if (block[address]) return block[address].cause;
   return {1, {}};
 }
 
 /// Checks that every word belongs to another word of its block. Throws BadInput.
 void Machine::check_words(const Block& block) const {
-  using enum Address;
-  for (const auto& [address, letter] : axis_addresses)
-    if (const Value& word = block[address]; word && canon_.joint_of(letter) < 0)
+  for (int k = 0; k < 9; ++k)
+    if (const Value& word = block.axis_word(k); word && joint(k) < 0)
       throw_input_error(word, "an axis of this machine (" + canon_.letters() + ")");
   const std::string_view motion = block[Group::Motion] ? block.word(Group::Motion) : motion_;
-  const auto require = [&](std::initializer_list<Address> addresses, bool has_owner,
-                           std::string_view owner) {
+  const auto require = [&](Addresses addresses, bool has_owner, std::string_view owner) {
     for (const Address address : addresses)
       if (block[address] && !has_owner)
         throw_input_error(block[address],
                           fmt::format("{} with {}", owner, shown(block[address].cause.text)));
   };
   const bool makes_arc = is_arc(motion) && !block[Group::Frame] && !block[Group::Dwell];
-  require({I, J, K}, makes_arc || motion == "G33", "G2, G3 or G33");
-  require({CR, AR, TURN}, makes_arc || (motion == "CIP" && block[TURN]), "G2 or G3");
-  require({I1, J1, K1}, motion == "CIP", "CIP");
-  require({RPL}, block.word(Group::Frame) == "ROT" || block.word(Group::Frame) == "AROT",
+  require({"I", "J", "K"}, makes_arc || motion == "G33", "G2, G3 or G33");
+  require({"CR", "AR", "TURN"}, makes_arc || (motion == "CIP" && block["TURN"]), "G2 or G3");
+  require({"I1", "J1", "K1"}, motion == "CIP", "CIP");
+  require({"RPL"}, block.word(Group::Frame) == "ROT" || block.word(Group::Frame) == "AROT",
           "ROT or AROT");
-  require({A3, B3, C3}, is_traori_ || block.word(Group::Transformation) == "TRAORI", "TRAORI");
+  require({"A3", "B3", "C3"}, is_traori_ || block.word(Group::Transformation) == "TRAORI",
+          "TRAORI");
   const Value* position = first_axis_word(block);
-  for (const Address address : {AP, RP, A3, B3, C3})  // these words move the axes too
+  for (const Address address :
+       Addresses{"AP", "RP", "A3", "B3", "C3"})  // these words move the axes too
     if (position == nullptr && block[address]) position = &block[address];
   if (position != nullptr) {
     if (block.code_forbidding_axis_words)
@@ -180,21 +179,22 @@ void Machine::check_words(const Block& block) const {
                                                shown(block.call ? block.call->cause.text
                                                                 : block.modal_cause.text)));
   }
-  require({LIMS}, true, "G96");
-  require({P}, block.call.has_value(), "a subprogram");
-  if (const Value& offset = block[OFFN]; offset && offset.value != 0)
+  require({"LIMS"}, true, "G96");
+  require({"P"}, block.call.has_value(), "a subprogram");
+  if (const Value& offset = block["OFFN"]; offset && offset.value != 0)
     throw_input_error(offset, std::string(find_entry("OFFN")->sentence));
-  if (const Value& t = block[T];
+  if (const Value& t = block["T"];
       t && !block.tool_name && (t.value < 0 || t.value != std::floor(t.value) || t.value > 1e9))
     throw_input_error(t, "an integer tool number");
   // A tool of the scene has one cutting edge.
-  if (const Value& d = block[D]; d && d.value != 0 && d.value != 1)
+  if (const Value& d = block["D"]; d && d.value != 0 && d.value != 1)
     throw_input_error(d, "D0 or D1: a tool of the scene has one edge");
   for (const auto& value : block.values)
     if (value && value.mode != PositionMode::Modal) {
-      const Address address = Address(&value - block.values.data());
-      // Addresses of axes and centres, which come first in the enumeration, may have AC().
-      if (address <= K1 || address == AP || address == RP) continue;
+      const auto index = std::size_t(&value - block.values.data());
+      // Addresses of axes and centres, which come first, may have AC().
+      if (index <= Address("K1").index || &value == &block["AP"] || &value == &block["RP"])
+        continue;
       throw_input_error(value, "a number without AC() and similar");
     }
 }
@@ -222,7 +222,7 @@ void Machine::set_feed(const Block& block) {
   if (block[Group::Dwell]) return;
   // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
-  if (const Value& f = block[Address::F]) {
+  if (const Value& f = block["F"]) {
     if (!(f.value >= min_feed)) throw_input_error(f, "a feed greater than zero");
     canon_.set_feed(Feed{f.value, is_feed_in_inches_ ? units::inch : 1.0});
   }
@@ -267,8 +267,7 @@ void Machine::set_numbered_spindles(const Block& block) {
                         master_spindle_, word.spindle));
       continue;
     }
-    if (word.speed && block[Address::S])
-      throw_input_error(word.cause, "only one spindle speed per block");
+    if (word.speed && block["S"]) throw_input_error(word.cause, "only one spindle speed per block");
     if (!word.speed && block[Group::Spindle])
       throw_input_error(word.cause, "only one spindle direction per block");
     if (word.speed)
@@ -279,7 +278,7 @@ void Machine::set_numbered_spindles(const Block& block) {
 }
 
 void Machine::set_spindle(const Block& block) {
-  if (const Value& limit = block[Address::LIMS]) {
+  if (const Value& limit = block["LIMS"]) {
     if (!(limit.value > 0 && limit.value <= 1e7))
       throw_input_error(limit, "a speed greater than 0 and up to 1e7 rpm");
     max_rpm_ = limit.value;
@@ -288,7 +287,7 @@ void Machine::set_spindle(const Block& block) {
     const bool is_surface_speed = code.word.starts_with("G96");
     if (is_surface_speed && joint(0) < 0) throw_input_error(code.cause, "a machine with an X axis");
     // The first G96 has no earlier surface speed to fall back on.
-    if (is_surface_speed && !has_surface_speed_ && !block[Address::S])
+    if (is_surface_speed && !has_surface_speed_ && !block["S"])
       throw_input_error(code.cause, "S (surface speed) with " + shown(code.cause.text), "none");
     // Speed and surface speed are different quantities, so a new mode must not take over the value.
     if (is_surface_speed != has_surface_speed_)
@@ -299,8 +298,7 @@ void Machine::set_spindle(const Block& block) {
   const bool sets_limit = block[Group::Limits].word.size() > 0;
   if (const Code& code = block[Group::MasterSpindle])
     select_master_spindle(block.master_spindle, code.cause);
-  if (const Value& s = block[Address::S]; s && !block[Group::Dwell] && !sets_limit)
-    set_speed(s.value, s);
+  if (const Value& s = block["S"]; s && !block[Group::Dwell] && !sets_limit) set_speed(s.value, s);
   if (!sets_limit) set_numbered_spindles(block);
   if (const Code& code = block[Group::Spindle])
     canon_.turn_spindle(code.word == "M3" ? 1 : code.word == "M4" ? -1 : 0);
@@ -316,7 +314,7 @@ void Machine::note_coolant(const Block& block) const {
 
 void Machine::dwell(const Block& block) {
   const Code& code = block[Group::Dwell];
-  const Value &seconds = block[Address::F], &revolutions = block[Address::S];
+  const Value &seconds = block["F"], &revolutions = block["S"];
   if (const Value* axis = first_axis_word(block))
     throw_input_error(axis->cause, "no axis words with G4, which takes none");
   // G4 F is a time in seconds, G4 S a number of spindle revolutions.
@@ -339,8 +337,7 @@ void Machine::check_compensated_block(const Block& block) const {
       throw_input_error(code.cause, "G40 before " + shown(code.cause.text));
   if (side && side.word != "G40" && (side.word == "G41") != compensation_.is_left())
     throw_input_error(side.cause, "G40 between G41 and G42");
-  for (const Address address : {Address::T, Address::D, Address::A, Address::B, Address::C,
-                                Address::A3, Address::B3, Address::C3})
+  for (const Address address : Addresses{"T", "D", "A", "B", "C", "A3", "B3", "C3"})
     if (block[address])
       throw_input_error(block[address], "G40 before " + shown(block[address].cause.text));
   if (const Code& code = block[Group::Motion]; code && (code.word == "CIP" || code.word == "G33"))
@@ -441,7 +438,7 @@ std::optional<double> Machine::position(char letter, bool in_machine) const {
 /// Returns the number of the tool of T, which may be a number, a name or the only tool of the
 /// scene.
 int Machine::tool_number(const Block& block) const {
-  const Value& word = block[Address::T];
+  const Value& word = block["T"];
   if (!block.tool_name) return int(word.value);
   const std::string& name = *block.tool_name;
   const auto& numbers = canon_.options().tool_number;
@@ -464,7 +461,7 @@ int Machine::tool_number(const Block& block) const {
 }
 
 void Machine::call_tools(const Block& block) {
-  const Value &t = block[Address::T], &d = block[Address::D];
+  const Value &t = block["T"], &d = block["D"];
   const Code& change = block[Group::ToolChange];
   if (t) selected_ = tool_number(block);
   if (t && !program::is_known_tool(canon_.options(), selected_))
@@ -501,24 +498,19 @@ bool Machine::has_single_length() const {
 
 double Machine::active_tool_length(const Cause& cause) const {
   const auto& lengths = canon_.options().tool_length;
-  const auto length = lengths.find(tool_);
-  if (length != lengths.end()) return length->second;
+  if (const auto length = find_value(lengths, tool_)) return *length;
   if (has_single_length()) return lengths.begin()->second;
-  std::string tools;
-  for (const auto& [number, mm] : lengths) tools += fmt::format(" T{}", number);
-  throw_input_error(cause,
-                    "a tool with a known length (" +
-                        (tools.empty() ? "none known" : tools.substr(1)) + ") in the spindle",
-                    tool_ < 0 ? "none called" : fmt::format("T{}", tool_));
+  throw_input_error(
+      cause, "a tool with a known length (" + known_numbers(lengths, "T") + ") in the spindle",
+      tool_ < 0 ? "none called" : fmt::format("T{}", tool_));
 }
 
 std::optional<double> Machine::nose_radius(int tool) const {
   const auto& radii = canon_.options().tool_radius;
-  auto radius = radii.find(tool);
-  if (radius == radii.end())
-    // The only tool of the scene is assumed whatever its number.
-    if (const auto only = program::only_tool(canon_.options())) radius = radii.find(*only);
-  return radius == radii.end() ? std::nullopt : std::optional(radius->second);
+  if (const auto radius = find_value(radii, tool)) return radius;
+  // The only tool of the scene is assumed whatever its number.
+  const auto only = program::only_tool(canon_.options());
+  return only ? find_value(radii, *only) : std::nullopt;
 }
 
 /// Returns the displacement, (axes) mm, from the point of a turning tool that X Z lead to the
@@ -576,11 +568,7 @@ AxisVector Machine::active_tool_shift() const {
   const auto& zero = canon_.zero();
   // With the axes at zero the vector from the tip to the nose is the length of the tool.
   if (zero && zero->places && orientation_.is_possible()) {
-    const auto& options = canon_.options();
-    const auto tool_chain = options.control_by_h.find(tool_);
-    const Chain& chain =
-        tool_chain == options.control_by_h.end() ? *options.control : tool_chain->second;
-    const auto tip_w = program::tip_at_zero(chain);
+    const auto tip_w = program::tip_at_zero(*chain_to_tip(canon_.options(), tool_));
     // Under D0 no length counts, so that X Y Z lead the nose.
     if (!tip_w || (!has_tool_length_ && is_known_tool())) return {};
     for (int k = 0; k < 3; ++k) shift[joint(k)] = zero->nose_w[k] - (*tip_w)[k];

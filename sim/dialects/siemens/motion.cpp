@@ -10,16 +10,12 @@ namespace {
 double rotary_end(double programmed, double start, PositionMode mode) {
   const double shortest = std::remainder(programmed - start, 2 * pi);  // -pi .. pi
   constexpr double tolerance = 1e-9;  // rad, below it the axis does not move
-  switch (mode) {
-    case PositionMode::Shortest:
-      return start + shortest;
-    case PositionMode::Positive:
-      return start + (shortest < -tolerance ? shortest + 2 * pi : shortest);
-    case PositionMode::Negative:
-      return start + (shortest > tolerance ? shortest - 2 * pi : shortest);
-    default:
-      return programmed;
-  }
+  if (mode == PositionMode::Shortest) return start + shortest;
+  if (mode == PositionMode::Positive)
+    return start + (shortest < -tolerance ? shortest + 2 * pi : shortest);
+  if (mode == PositionMode::Negative)
+    return start + (shortest > tolerance ? shortest - 2 * pi : shortest);
+  return programmed;
 }
 
 }  // namespace
@@ -49,9 +45,8 @@ void Machine::add_axis_word(Target& target, int j, const Value& word, bool machi
 
 Target Machine::block_target(const Block& block, bool machine) const {
   Target target;
-  for (const auto& [address, letter] : axis_addresses)
-    if (const Value& word = block[address])
-      add_axis_word(target, canon_.joint_of(letter), word, machine);
+  for (int k = 0; k < 9; ++k)
+    if (const Value& word = block.axis_word(k)) add_axis_word(target, joint(k), word, machine);
   return target;
 }
 
@@ -66,16 +61,16 @@ void Machine::set_pole(const Block& block) {
                                  : code.word == "G111" ? Eigen::Vector2d(0, 0)
                                                        : pole_.position;
   Eigen::Vector2d displacement(0, 0);
-  const Value &radius = block[Address::RP], &angle = block[Address::AP];
+  const Value &radius = block["RP"], &angle = block["AP"];
   if (radius || angle)
     displacement =
         radius.value * unit() *
         Eigen::Vector2d(std::cos(angle.value * units::deg), std::sin(angle.value * units::deg));
   for (int k = 0; k < 2; ++k) {
-    const Address address = Address(plane.letters[std::size_t(k)] - 'X');
-    if (const Value& word = block[address]) {
+    const int axis = plane.letters[std::size_t(k)] - 'X';
+    if (const Value& word = block.axis_word(axis)) {
       // The manuals do not say if X is a diameter here.
-      if (address == Address::X) require_radius_words(word);
+      if (axis == 0) require_radius_words(word);
       displacement[k] = word.value * unit();
     }
   }
@@ -84,7 +79,7 @@ void Machine::set_pole(const Block& block) {
 
 /// Adds the polar words of a block. RP and AP stay in force until they are programmed again.
 void Machine::add_polar_words(Target& target, const Block& block) {
-  const Value &radius = block[Address::RP], &angle = block[Address::AP];
+  const Value &radius = block["RP"], &angle = block["AP"];
   if (!radius && !angle) return;
   const Cause cause = radius ? radius.cause : angle.cause;
   const ArcPlane plane = arc_plane(cause);
@@ -116,7 +111,7 @@ void Machine::check_motion(const Block& block) const {
                       "TRAORI, or CYCLE800 with _DIR, before a move in a plane to which the rotary "
                       "axes have not swivelled");
   if (swivel_ && swivel_->is_aligned && !is_traori_)
-    for (const Address address : {Address::A, Address::B, Address::C})
+    for (const Address address : Addresses{"A", "B", "C"})
       if (block[address])
         throw_input_error(block[address], "TRAORI or CYCLE800() before a rotary axis turns");
   // On a machine with rotary axes the length of the scene's tool is part of the coordinates, so its
@@ -137,10 +132,10 @@ void Machine::make_straight(Straight move, bool rapid) {
 }
 
 void Machine::apply_tool_vector(const Block& block, AxisVector& end) const {
-  const Value &a = block[Address::A3], &b = block[Address::B3], &c = block[Address::C3];
+  const Value &a = block["A3"], &b = block["B3"], &c = block["C3"];
   if (!a && !b && !c) return;
   const Cause cause = a ? a.cause : b ? b.cause : c.cause;
-  for (const Address address : {Address::A, Address::B, Address::C})
+  for (const Address address : Addresses{"A", "B", "C"})
     if (block[address]) throw_input_error(block[address], "either rotary axes or A3= B3= C3=");
   // The control accepts vectors of any length.
   const Eigen::Vector3d direction(a.value, b.value, c.value);
@@ -183,12 +178,10 @@ void Machine::move_in_machine_coordinates(const Block& block) {
   Target target = block_target(block, true);
   // On a turning control the tool offset in force has X and Z.
   if (const AxisVector shift = active_tool_shift(); run_.is_turning() && shift.size() > 0) {
-    for (const Address address : {Address::X, Address::Y, Address::Z})
-      if (const Value& word = block[address]) {
-        const int j = joint(int(address) - int(Address::X));
-        target.to(j, target.value(j) + shift[j], word);
-      }
-  } else if (const Value& z = block[Address::Z]; z && has_tool_length_ && is_known_tool())
+    for (int k = 0; k < 3; ++k)
+      if (const Value& word = block.axis_word(k))
+        target.to(joint(k), target.value(joint(k)) + shift[joint(k)], word);
+  } else if (const Value& z = block["Z"]; z && has_tool_length_ && is_known_tool())
     target.to(joint(2), target.value(joint(2)) + active_tool_length(z), z);
   AxisVector end = canon_.end_of(target, true);
   make_straight({std::move(end), code.cause, true, target.stated()}, motion_ == "G0");
@@ -205,7 +198,7 @@ void Machine::cut_thread(const Block& block, AxisVector end) {
     if (joint(k) >= 0 && (joint(longest) < 0 || std::abs(displacement[joint(k)]) >
                                                     std::abs(displacement[joint(longest)])))
       longest = k;
-  const Value& pitch = block[Address(int(Address::I) + longest)];
+  const Value& pitch = block[Address("I") + longest];
   if (!pitch || pitch.value == 0)
     throw_input_error(
         cause, fmt::format("{}, the pitch along {}, with G33", "IJK"[longest], "XYZ"[longest]),
@@ -228,11 +221,10 @@ bool Machine::move(const Block& block) {
     return first_axis_word(block) != nullptr;
   }
   // A3 B3 C3 alone rotate the tool about its tip; I J K or CR alone make a full circle.
-  const bool has_vector = block[Address::A3] || block[Address::B3] || block[Address::C3];
-  const bool is_polar = block[Address::AP] || block[Address::RP];
+  const bool has_vector = block["A3"] || block["B3"] || block["C3"];
+  const bool is_polar = block["AP"] || block["RP"];
   const bool is_circular = motion_ == "G2" || motion_ == "G3" || motion_ == "CIP";
-  const bool has_arc_words = block[Address::I] || block[Address::J] || block[Address::K] ||
-                             block[Address::CR] || block[Address::AR];
+  const bool has_arc_words = block["I"] || block["J"] || block["K"] || block["CR"] || block["AR"];
   if (first_axis_word(block) == nullptr && !has_vector && !is_polar &&
       !(is_circular && has_arc_words))
     return false;
@@ -274,7 +266,7 @@ Machine::ArcPlane Machine::arc_plane(const Cause& cause) const {
 AxisVector Machine::arc_centre(const Block& block, const ArcPlane& plane,
                                const Cause& cause) const {
   const auto centre_word = [&](std::size_t k) -> const Value& {
-    return block[Address(int(Address::I) + plane.letters[k] - 'X')];
+    return block[Address("I") + (plane.letters[k] - 'X')];
   };
   const Value &first = centre_word(0), &second = centre_word(1);
   if (const Value& across = centre_word(2))
@@ -299,10 +291,9 @@ AxisVector Machine::arc_centre(const Block& block, const ArcPlane& plane,
 void Machine::arc(const Block& block, const Target& words) {
   const Cause cause = motion_cause(block);
   const ArcPlane plane = arc_plane(cause);
-  const Value &radius = block[Address::CR], &angle = block[Address::AR],
-              &whole_turns = block[Address::TURN];
-  const bool is_polar = block[Address::AP] || block[Address::RP];
-  const bool has_centre = block[Address::I] || block[Address::J] || block[Address::K];
+  const Value &radius = block["CR"], &angle = block["AR"], &whole_turns = block["TURN"];
+  const bool is_polar = block["AP"] || block["RP"];
+  const bool has_centre = block["I"] || block["J"] || block["K"];
   // An arc is programmed by exactly one of these.
   if (radius && (angle || has_centre || is_polar))
     throw_input_error(radius, "only one of CR=, AR=, I J K and a pole");
@@ -407,7 +398,7 @@ void Machine::make_arc_through_point(const Block& block, const Target& target) {
     if (joint(k) < 0) throw_input_error(cause, "a machine with X Y Z for CIP");
   AxisVector intermediate = canon_.programmed();
   for (int k = 0; k < 3; ++k) {
-    const Value& word = block[Address(int(Address::I1) + k)];
+    const Value& word = block[Address("I1") + k];
     if (!word) continue;
     // The manuals do not say if I1 is a diameter.
     if (k == 0) require_radius_words(word);
@@ -425,8 +416,7 @@ void Machine::make_arc_through_point(const Block& block, const Target& target) {
   if (!circle) throw_input_error(cause, "three different points with CIP that are not on one line");
   move.centre_with_offsets = start;
   for (int k = 0; k < 3; ++k) move.centre_with_offsets[joint(k)] = circle->centre[k];
-  const program::Frame frame = canon_.frame();
-  program::Frame arc_frame{frame.shift, std::nullopt};
+  program::Frame arc_frame{canon_.frame().shift, std::nullopt};
   int normal_axis = 0;
   const double max_cosine = circle->normal.cwiseAbs().maxCoeff(&normal_axis);
   // 1 - cos(tilt) of a plane of two axes; equals a tilt of 1.4e-7 rad
@@ -447,15 +437,8 @@ void Machine::make_arc_through_point(const Block& block, const Target& target) {
     move.first = joint(0);
     move.second = joint(1);
   }
-  // The frame in force is restored after errors too.
-  canon_.set_frame(system_, std::move(arc_frame));
-  try {
-    make_arc(block, std::move(move));
-  } catch (const BadInput&) {
-    canon_.set_frame(system_, frame);
-    throw;
-  }
-  canon_.set_frame(system_, frame);
+  const TemporaryFrame frame(canon_, system_, std::move(arc_frame));
+  make_arc(block, std::move(move));
 }
 
 }  // namespace abbe::sim::dialects::siemens

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "sim/dialects/control.h"
+#include "sim/dialects/flow.h"
 
 /// Programs of a Siemens 840D: their blocks, the state of the control, and the flow of programs.
 namespace abbe::sim::dialects::siemens {
@@ -47,41 +47,26 @@ struct WordEntry {
 /// @param word  upper case, a code without leading zeros
 const WordEntry* find_entry(std::string_view word);
 
-/// Addresses to which a value is assigned.
-enum class Address : std::uint8_t {
-  X,
-  Y,
-  Z,
-  A,
-  B,
-  C,
-  U,
-  V,
-  W,
-  I,
-  J,
-  K,
-  I1,
-  J1,
-  K1,
-  A3,
-  B3,
-  C3,
-  CR,
-  AR,
-  AP,
-  RP,
-  TURN,
-  RPL,
-  F,
-  S,
-  T,
-  D,
-  P,
-  OFFN,
-  LIMS,
-  Count
+/// Names of the addresses to which a value is assigned. Those of axes, in the order of
+/// `axis_letters`, and of centres come first.
+inline constexpr std::string_view address_names[] = {
+    "X",    "Y",   "Z",  "A",  "B",  "C",  "U",  "V",    "W",   "I",  "J",
+    "K",    "I1",  "J1", "K1", "A3", "B3", "C3", "CR",   "AR",  "AP", "RP",
+    "TURN", "RPL", "F",  "S",  "T",  "D",  "P",  "OFFN", "LIMS"};
+
+/// An address, by its index among `address_names`.
+struct Address {
+  std::size_t index = 0;
+
+  explicit constexpr Address(std::size_t i) : index(i) {}
+  /// Does not compile for a name that is not in the list.
+  consteval Address(const char* name)
+      : index(std::size_t(std::ranges::find(address_names, name) - address_names)) {
+    if (index == std::size(address_names)) throw std::invalid_argument(name);
+  }
+  constexpr Address operator+(int n) const { return Address(index + std::size_t(n)); }
 };
+using Addresses = std::initializer_list<Address>;
 
 /// Meaning of the value of an axis word.
 enum class PositionMode {
@@ -135,7 +120,7 @@ struct SpindleWord {
 
 /// The words of one block.
 struct Block {
-  std::array<Value, std::size_t(Address::Count)> values;
+  std::array<Value, std::size(address_names)> values;
   std::array<Code, std::size_t(Group::Count)> codes;
   std::vector<std::string_view> coolant;  ///< M7 M8 M9
   std::optional<std::string> tool_name;   ///< T="..."
@@ -147,7 +132,9 @@ struct Block {
   bool is_modal = false;  ///< MCALL, with `call` or alone
   Cause modal_cause;
 
-  const Value& operator[](Address address) const { return values[std::size_t(address)]; }
+  const Value& operator[](Address address) const { return values[address.index]; }
+  /// Returns the word of the k-th axis of `axis_letters`.
+  const Value& axis_word(int k) const { return values[std::size_t(k)]; }
   const Code& operator[](Group group) const { return codes[std::size_t(group)]; }
   std::string_view word(Group group) const { return codes[std::size_t(group)].word; }
   void clear();
@@ -199,11 +186,6 @@ CommentSplit split_comment(std::string_view line);
 /// Parses the words from the cursor to the end of the line into `block`, whose memory is reused.
 /// Throws BadInput.
 void read_block(Cursor cursor, ProgramRun& run, VariableParser& variables, Block& block);
-
-/// Addresses of axis words with their letters.
-inline constexpr std::pair<Address, char> axis_addresses[] = {
-    {Address::X, 'X'}, {Address::Y, 'Y'}, {Address::Z, 'Z'}, {Address::A, 'A'}, {Address::B, 'B'},
-    {Address::C, 'C'}, {Address::U, 'U'}, {Address::V, 'V'}, {Address::W, 'W'}};
 
 /// Returns the right-handed rotation about X (0), Y (1) or Z (2) by an angle in degrees. Multiples
 /// of 90 deg have sines and cosines of exactly 0 and 1.
@@ -271,7 +253,7 @@ class Machine : public GCodeControl {
 
   BlockResult execute(const Block& block);
   /// Makes the moves that are still postponed at the end of the program.
-  void finish() { compensation_.finish(); }
+  void finish() { compensation_.end(); }
   /// Executes a drilling cycle or CYCLE800. Returns false if the control has no cycle of that name.
   bool execute_cycle(const ProgramCall& call);
   static bool is_cycle(std::string_view name);
@@ -406,12 +388,9 @@ struct LineHead {
 /// Parses the beginning of a line without its comment.
 LineHead parse_line_head(std::string_view line);
 
-/// A program or subprogram, line by line.
-struct Program {
+/// A program or subprogram.
+struct Program : Source {
   std::string name;  ///< upper case
-  std::string text;  ///< text of a subprogram file; empty for the main program
-  std::vector<std::string_view> lines;
-  int first_line = 1, file = 0;  ///< as the canon numbers them
 
   /// The other end of a structure: of IF the line of ENDIF and maybe of ELSE, of ELSE that of
   /// ENDIF, of a loop the line at its other end.
@@ -425,9 +404,29 @@ struct Program {
   std::optional<std::unordered_map<std::string, std::vector<std::size_t>>> labels;
 };
 
+enum class VariableKind { Real, Integer, Boolean, Text };
+/// Type of a variable.
+struct Variable {
+  VariableKind kind = VariableKind::Real;
+  std::vector<int> sizes;  ///< of an array; empty for a simple variable
+};
+
+/// A running program, or a section of it that is repeated.
+struct Call {
+  Program* program = nullptr;
+  std::size_t return_line = 0;  ///< line of the caller to continue with
+  /// True for a repeated section, which uses the variables of the program around it.
+  bool is_repeated_section = false;
+  std::size_t begin = 0, end = 0;
+  long long remaining_repeats = 0;
+  std::vector<Argument> arguments = {};
+  std::map<std::string, Variable, std::less<>> variables = {};
+  std::map<std::string, std::string, std::less<>> texts = {};
+};
+
 /// Flow of a program: executes variables, expressions, conditions, loops, jumps and subprograms,
 /// and passes all other blocks to the machine.
-class Flow : public VariableParser {
+class Flow : public ProgramFlow<Program, Call, VariableParser> {
  public:
   Flow(std::string_view text, ProgramRun& run);
   void run();
@@ -437,28 +436,17 @@ class Flow : public VariableParser {
   std::optional<std::string> parse_text_variable(Cursor& cursor) override;
 
  private:
-  enum class VariableKind { Real, Integer, Boolean, Text };
-  /// Type of a variable.
-  struct Variable {
-    VariableKind kind = VariableKind::Real;
-    std::vector<int> sizes;  ///< of an array; empty for a simple variable
-  };
-  /// A running program, or a section of it that is repeated.
-  struct Call {
-    Program* program = nullptr;
-    std::size_t return_line = 0;  ///< line of the caller to continue with
-    /// True for a repeated section, which uses the variables of the program around it.
-    bool is_repeated_section = false;
-    std::size_t begin = 0, end = 0;
-    long long remaining_repeats = 0;
-    std::vector<Argument> arguments = {};
-    std::map<std::string, Variable, std::less<>> variables = {};
-    std::map<std::string, std::string, std::less<>> texts = {};
-  };
-
   // Program flow.
-  bool execute_line();
-  bool execute_block(Cursor cursor);
+  const Source& source() const override { return *calls_.back().program; }
+  bool is_call_at_end() const override {
+    return is_section_at_end() || ProgramFlow::is_call_at_end();
+  }
+  bool is_section_at_end() const {
+    return calls_.back().is_repeated_section && line_index_ == calls_.back().end;
+  }
+  void end_call() override;
+  bool execute_line() override;
+  bool execute_block(Cursor cursor) override;
   bool execute_keyword(const LineHead& head, Cursor cursor);
   void execute_if(const LineHead& head, Cursor& cursor);
   void execute_loop(const LineHead& head, Cursor& cursor);
@@ -473,7 +461,6 @@ class Flow : public VariableParser {
   Cursor cursor_of_line(std::size_t line) const;
 
   // Subprograms.
-  void add_programs(std::string_view text);
   bool uses_m6() const;
   Program* find_program(const std::string& name);
   Program* load_program_file(const std::filesystem::path& file, const std::string& name);
@@ -501,17 +488,11 @@ class Flow : public VariableParser {
   std::optional<double> parse_multi_argument_function(Cursor& cursor, const std::string& name);
   double parse_quoted_number(Cursor& cursor);
 
-  ProgramRun& run_;
-  std::vector<std::unique_ptr<Program>> programs_;  ///< the first one is the main program
   std::map<std::string, Program*> programs_by_name_;
-  Variables variables_;
-  std::vector<Call> calls_;
   std::optional<ProgramCall> modal_call_;
   std::size_t modal_depth_ = 0;  ///< call depth of the modal subprogram; 0: none runs
-  std::size_t line_index_ = 0;   ///< current line of the running program, from 0
   /// First line of the main program whose comment has not been recorded.
   std::size_t first_unrecorded_comment_ = 0;
-  bool has_ended_ = false;
   Block block_;
   std::optional<Machine> machine_;
 };

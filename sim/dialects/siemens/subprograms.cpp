@@ -64,11 +64,14 @@ bool has_m6(std::string_view line) {
 
 }  // namespace
 
-void Flow::add_programs(std::string_view text) { programs_ = split(text); }
+Flow::Flow(std::string_view text, ProgramRun& run) : ProgramFlow(run) {
+  sources_ = split(text);
+  calls_.push_back({.program = sources_.front().get()});
+}
 
 // In a text without M6 T itself changes the tool, to which machine data can set the control.
 bool Flow::uses_m6() const {
-  return std::any_of(programs_.begin(), programs_.end(), [](const auto& program) {
+  return std::any_of(sources_.begin(), sources_.end(), [](const auto& program) {
     return std::any_of(program->lines.begin(), program->lines.end(),
                        [](std::string_view line) { return has_m6(split_comment(line).block); });
   });
@@ -88,8 +91,8 @@ Program* Flow::load_program_file(const fs::path& file, const std::string& name) 
     run_.warn_once(
         fmt::format("{}:{}: a second program, {}, is not read: a subprogram needs its own file",
                     file.string(), programs[1]->first_line, programs[1]->name));
-  programs_.push_back(std::move(program));
-  return programs_.back().get();
+  sources_.push_back(std::move(program));
+  return sources_.back().get();
 }
 
 /// Returns a subprogram from the text, or else from a file of its name. Returns null if there is
@@ -98,7 +101,7 @@ Program* Flow::find_program(const std::string& name) {
   if (const auto entry = programs_by_name_.find(name); entry != programs_by_name_.end())
     return entry->second;
   Program* result = nullptr;
-  for (const auto& program : programs_)
+  for (const auto& program : sources_)
     if (!name.empty() && program->name == name) result = program.get();
   const fs::path& folder = run_.options().subprogram_folder;
   if (result == nullptr && !folder.empty()) {
@@ -160,8 +163,7 @@ void Flow::bind_parameters(Program& program, const std::vector<Argument>& argume
   const LineHead head = parse_line_head(text);
   const int line = run_.canon.line();
   if (head.keyword != "PROC") {
-    if (!arguments.empty())
-      run_.canon.throw_input_error(cause, "no parameters of a subprogram without PROC");
+    if (!arguments.empty()) throw_input_error(cause, "no parameters of a subprogram without PROC");
     return;
   }
   Cursor cursor{text, run_.canon.place(), head.end};
@@ -183,16 +185,15 @@ void Flow::bind_parameters(Program& program, const std::vector<Argument>& argume
       double value = 0.0;
       if (cursor.accept("=")) value = parse_number(cursor, *this);
       if (count < arguments.size() && arguments[count].text)
-        run_.canon.throw_input_error(arguments[count].cause, "a number for " + name);
+        throw_input_error(arguments[count].cause, "a number for " + name);
       if (count < arguments.size() && arguments[count].number) value = *arguments[count].number;
       store_value(name, *kind, value, cursor, name_from);
       cursor.accept(",");
     }
   }
   if (arguments.size() > count)
-    run_.canon.throw_input_error(cause,
-                                 fmt::format("at most {} parameters of {}", count, program.name),
-                                 fmt::format("{}", arguments.size()));
+    throw_input_error(cause, fmt::format("at most {} parameters of {}", count, program.name),
+                      fmt::format("{}", arguments.size()));
   // Words that affect only the display may follow; SAVE would have to restore modes.
   for (cursor.skip_blanks(); !cursor.at_end(); cursor.skip_blanks()) {
     const std::size_t from = cursor.at;
@@ -266,7 +267,7 @@ void Flow::repeat_section(Cursor& cursor, bool one_block) {
         break;
       }
   }
-  if (end <= lines[0]) run_.canon.throw_input_error(cause, "ENDLABEL: after a label below REPEAT");
+  if (end <= lines[0]) throw_input_error(cause, "ENDLABEL: after a label below REPEAT");
   // A repeated section counts as a call because sections may nest.
   run_.check_depth(int(calls_.size()), cause);
   calls_.push_back({.program = calls_.back().program,
@@ -284,7 +285,7 @@ void Flow::repeat_section(Cursor& cursor, bool one_block) {
 void Flow::warn_unread() {
   std::vector<std::string_view> lines;
   std::vector<Section> sections;
-  for (const auto& program : programs_) {
+  for (const auto& program : sources_) {
     if (program->file != 0) continue;
     const std::size_t first = std::size_t(program->first_line) - 1;
     Section section{first, first + program->lines.size()};
@@ -367,7 +368,7 @@ constexpr double max_integer = 2147483647.0;
 }  // namespace
 
 // Repeated sections use the variables of the program around them.
-Flow::Call& Flow::local_scope() {
+Call& Flow::local_scope() {
   std::size_t at = calls_.size() - 1;
   while (calls_[at].is_repeated_section) --at;
   return calls_[at];
@@ -380,7 +381,7 @@ double Flow::parse_r_parameter(Cursor& cursor, std::size_t from) {
   if (cursor.current() == '[') {
     ++cursor.at;
     number = parse_number(cursor, *this);
-    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] after a parameter number");
+    expect_text(cursor, "]", "] after a parameter number");
   } else {
     // The limit bounds the digits of a hostile text.
     while (is_digit(cursor.current()) && number < 1e9)
@@ -409,7 +410,7 @@ std::string Flow::parse_element(Cursor& cursor, const std::string& name, const V
                                fmt::format("{}", index));
     element_name += fmt::format("{}{}", k > 0 ? "," : "", int(index));
   }
-  if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] after an index");
+  expect_text(cursor, "]", "] after an index");
   return element_name + "]";
 }
 
@@ -482,7 +483,7 @@ std::optional<std::string> Flow::parse_text_variable(Cursor& cursor) {
 }
 
 /// Returns the kind of variables of a type, or nothing for an unknown type.
-std::optional<Flow::VariableKind> Flow::find_kind(std::string_view type) {
+std::optional<VariableKind> Flow::find_kind(std::string_view type) {
   static constexpr std::array<std::pair<std::string_view, VariableKind>, 5> kinds = {
       {{"REAL", VariableKind::Real},
        {"INT", VariableKind::Integer},
@@ -504,7 +505,7 @@ void Flow::execute_definition(Cursor& cursor) {
   if (*kind == VariableKind::Text && cursor.current() == '[') {
     ++cursor.at;
     parse_number(cursor, *this);
-    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] after the length of a string");
+    expect_text(cursor, "]", "] after the length of a string");
   }
   Cursor names = cursor;
   try {
@@ -543,7 +544,7 @@ void Flow::define_variable(Cursor& cursor, VariableKind kind) {
                                  "at most three dimensions and 1e6 elements in an array");
       variable.sizes.push_back(int(size));
     } while (cursor.accept(","));
-    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] after the size of an array");
+    expect_text(cursor, "]", "] after the size of an array");
   }
   auto& variables = local_scope().variables;
   if (variables.size() >= run_.options().limits.variables)
@@ -558,8 +559,7 @@ void Flow::define_variable(Cursor& cursor, VariableKind kind) {
   if (!variable.sizes.empty())
     cursor.throw_input_error(cursor.at, "no values for a whole array in DEF");
   if (kind == VariableKind::Text) {
-    cursor.skip_blanks();
-    if (cursor.current() != '"') cursor.throw_input_error(cursor.at, "a string in quotes");
+    if (next_char(cursor) != '"') cursor.throw_input_error(cursor.at, "a string in quotes");
     local_scope().texts[name] = parse_quoted_text(cursor);
   } else {
     store_value(name, kind, parse_number(cursor, *this), cursor, from);
@@ -598,7 +598,7 @@ std::optional<double> Flow::parse_system_variable(Cursor& cursor) {
     const auto value = axis.size() == 1 ? machine_->position(axis[0], !in_workpiece) : std::nullopt;
     if (!value)
       cursor.throw_input_error(axis_from, "an axis of this machine (" + run_.canon.letters() + ")");
-    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] after the name of an axis");
+    expect_text(cursor, "]", "] after the name of an axis");
     return value;
   }
   cursor.throw_input_error(
@@ -620,8 +620,7 @@ std::optional<double> Flow::parse_multi_argument_function(Cursor& cursor, const 
       cursor.throw_input_error(cursor.at, fmt::format(", and {} numbers of {}", count, name));
     x[k] = parse_expression(cursor, grammar(), *this);
   }
-  if (!cursor.accept(")"))
-    cursor.throw_input_error(cursor.at, fmt::format(") after {} numbers of {}", count, name));
+  expect_text(cursor, ")", fmt::format(") after {} numbers of {}", count, name));
   if (name == "ATAN2") return std::atan2(x[0], x[1]) / units::deg;
   if (name == "MINVAL") return std::min(x[0], x[1]);
   if (name == "MAXVAL") return std::max(x[0], x[1]);
