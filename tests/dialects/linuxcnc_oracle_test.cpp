@@ -68,10 +68,10 @@ TEST(LinuxCncOracle, SamplesGiveTheSameMoves) {
   const test::Interpreter interpreter(*packages);
   const double tolerance = 1e-8;
   int accepted = 0, same = 0, empty = 0, refused_by_name = 0;
-  std::vector<test::fs::path> files;
+  std::vector<fs::path> files;
   for (const char* folder : {"usr/share/linuxcnc/ncfiles", "usr/share/doc/linuxcnc/examples"}) {
-    if (!test::fs::exists(*packages / folder)) continue;
-    for (const auto& entry : test::fs::recursive_directory_iterator(*packages / folder))
+    if (!fs::exists(*packages / folder)) continue;
+    for (const auto& entry : fs::recursive_directory_iterator(*packages / folder))
       if (entry.path().extension() == ".ngc") files.push_back(entry.path());
   }
   std::sort(files.begin(), files.end());
@@ -110,7 +110,7 @@ TEST(LinuxCncOracle, SamplesGiveTheSameMoves) {
     same += difference.empty();
     refused_by_name += by_name;
     if (!difference.empty())
-      std::cout << test::fs::relative(file, *packages / "usr/share").string() << ": " << difference
+      std::cout << fs::relative(file, *packages / "usr/share").string() << ": " << difference
                 << "\n";
   }
   const int claimed = accepted - refused_by_name;
