@@ -227,7 +227,9 @@ Fields<PartDescription> judged_fields() {
               .number("edge_angle_deg", &PartDescription::edge_angle, {1.0, 179.0, false, false},
                       "of a mesh: triangles that meet at a sharper angle belong to separate faces, "
                       "each judged along its own normal")
-              .number(KeyName("edge_margin_mm").with_fallback("1/20 of the smallest tool radius"),
+              .number(KeyName("edge_margin_mm")
+                          .with_fallback("1/20 of the smallest tool radius; 0 with "
+                                         "sampling = \"vertices\""),
                       &PartDescription::edge_margin, non_negative,
                       "of a mesh: distance from sharp edges; vertices nearer are not judged")
               .number(KeyName("judged_normal_z").with_fallback("all"),

@@ -36,7 +36,7 @@ const std::string paint =
 /// The block under a raster, its part with more keys and regions.
 struct BlockScene {
   SceneFolder folder = {};
-  std::string keys = "sampling = \"vertices\"\nedge_margin_mm = 0\n";
+  std::string keys = "sampling = \"vertices\"\n";
   std::string regions = {};
   std::string more = {};
   fs::path file() const {

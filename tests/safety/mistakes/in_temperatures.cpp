@@ -19,7 +19,7 @@ std::vector<Mistake> mistakes_in_temperatures() {
               "these temperatures explain"),
       input_error("sensor named twice", "day",
                   {{"day.csv", "S01_room_C", "S12_spindle_box_bearing_C"}},
-                  "each sensor only once"),
+                  "each column only once"),
       warning("log in reversed time", "day",
               {{"day.csv", with_rows([](auto& rows) { std::ranges::reverse(rows); })}},
               "time decreases at"),
