@@ -99,7 +99,10 @@ class TableParser {
     for (std::size_t k = 0; k < schema_.columns.size(); ++k)
       if (!is_leading || k == position)
         for (const ColumnName& name : schema_.columns[k].names)
-          if (without_unit(name.head) == without_unit(head)) names.push_back(name.head);
+          // A name with a separator is a whole header, such as "time_s;X_mm".
+          if (without_unit(name.head) == without_unit(head) &&
+              head.find_first_of("; \t") == head.npos)
+            names.push_back(name.head);
     if (!names.empty()) return fmt::format("{} as the column name", fmt::join(names, " or "));
     if (is_leading)
       return fmt::format("the column {} of {}", schema_.columns[position].names.front().head,
