@@ -196,9 +196,11 @@ TEST_P(TableFiles, NeedEachColumnOnce) {
   const TableKind damaged = without_column(kind_, *kind_.required);
   const std::string seen = message(text_of(damaged));
   EXPECT_TRUE(seen.starts_with(fmt::format("t:{}:", header_))) << seen;
-  EXPECT_NE(seen.find("column " + kind_.header[*kind_.required].substr(0, 3)), std::string::npos)
-      << kind_.name << "\n"
-      << seen;
+  // Without its axis a table of errors has no name for the first column.
+  const std::string missing = kind_.name == std::string("errors of an axis")
+                                  ? "begins with an axis letter"
+                                  : "column " + kind_.header[*kind_.required].substr(0, 3);
+  EXPECT_NE(seen.find(missing), std::string::npos) << kind_.name << "\n" << seen;
 }
 
 TEST_P(TableFiles, NeedANumberInEachCell) {
