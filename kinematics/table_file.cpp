@@ -174,12 +174,13 @@ class TableParser {
     if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), x);
     const bool is_number = error == std::errc{} && end == text.data() + text.size();
-    if (!is_number || !(std::abs(x) <= std::pow(10.0, schema_.max_exponent))) return std::nullopt;
+    if (!is_number || !(std::abs(x) <= max_number_)) return std::nullopt;
     return x;
   }
 
   TableLineReader lines_;
   const TableSchema& schema_;
+  const double max_number_ = std::pow(10.0, schema_.max_exponent);
   std::vector<TableColumn> described_;  // columns of the schema, then other columns
   TableFile table_;
   std::set<std::string_view> heads_;

@@ -191,7 +191,7 @@ std::vector<SweptWindow> feed_runs(const ToolSweep& sweep) {
   };
   bool in_run = false;
   for (std::size_t i = 1; i < samples.states.size(); ++i) {
-    const bool feeds = program::is_feed(sweep.path.blocks[std::size_t(samples.block[i])]);
+    const bool feeds = is_feed_sample(sweep.path, samples, i);
     if (feeds && !in_run) {
       runs.emplace_back();
       add_sample(i - 1);  // a feed begins where the move before it ends
@@ -234,7 +234,7 @@ Eigen::VectorXd all_residuals(const cutting::Surface& surface) {
 std::vector<Eigen::Index> not_fed_before(const Job& job, const cutting::Surface& surface,
                                          std::vector<Eigen::Index> vertices, double tolerance,
                                          const SweepVisitor& visit_sweeps) {
-  const auto has_been_cut_by = [&](const SweptWindow& run, const ToolSweep& sweep) {
+  const auto reached_by = [&](const SweptWindow& run, const ToolSweep& sweep) {
     std::vector<Eigen::Index> near_vertices;
     std::vector<cutting::Contact> contacts;
     const Eigen::AlignedBox3d box = swept_box(sweep.tool, run.T_wt, job.scene.band);
@@ -259,7 +259,8 @@ std::vector<Eigen::Index> not_fed_before(const Job& job, const cutting::Surface&
   visit_sweeps([&](const ToolSweep& sweep) {
     for (const SweptWindow& run : feed_runs(sweep)) {
       stop_if_interrupted();
-      const std::set<Eigen::Index> reached = has_been_cut_by(run, sweep);
+      if (vertices.empty()) return;
+      const std::set<Eigen::Index> reached = reached_by(run, sweep);
       std::erase_if(vertices, [&](Eigen::Index i) { return reached.contains(i); });
     }
   });

@@ -162,7 +162,7 @@ Part load_primitive(const Scene& scene, const cutting::Primitive& primitive) {
 double edge_margin(const Scene& scene) {
   constexpr double margin_fraction = 0.05;  // fraction of the radius of the smallest tool
   if (scene.part.edge_margin) return *scene.part.edge_margin;
-  // Of a coarse mesh, most vertices lie on its edges.
+  // Most vertices of a coarse mesh lie on its edges.
   if (scene.part.sampling.kind == PartSampling::Kind::Vertices) return 0.0;
   double smallest_radius = std::numeric_limits<double>::infinity();
   for (const ToolDescription& tool : all_tools(scene)) {

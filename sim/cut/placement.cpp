@@ -268,7 +268,7 @@ std::string shift_advice(const Job& job, const ReachableArea& now) {
   constexpr double least_gain =
       0.01;  // fraction of the judged area, above the noise of few vertices
   const auto suggestion = placement_suggestion(job);
-  // Where nothing is reached, a placement at which the tool touches helps too.
+  // A placement at which the tool touches helps too if nothing is reached now.
   const double cut_at_least = now.reached_fraction > 0.0 ? now.cut + least_gain : 0.0;
   return suggestion && suggestion->reach.cut >= cut_at_least ? "; " + suggestion->words : "";
 }

@@ -24,10 +24,6 @@ using kinematics::Pose;
 
 bool overlaps(const Span& a, const Span& b) { return a.low <= b.high && b.low <= a.high; }
 
-bool is_feed_sample(const Job& job, std::size_t sample) {
-  return program::is_feed(job.path.blocks[std::size_t(job.samples.block[sample])]);
-}
-
 /// Returns the motion of a milling cutter in feed only. Between two feeds the cutter retracts to
 /// 10 m above the part, where it meets nothing, and its axis turns upwards.
 cutting::CutterMotion feed_motion(const Job& job) {
@@ -49,7 +45,7 @@ cutting::CutterMotion feed_motion(const Job& job) {
     axis.back() = (axis.back() + R_wm.col(2)).norm() > 0.1 ? R_wm.col(2) : R_wm.col(0);
   };
   for (Index i = 1; i < motion.tip.rows(); ++i) {
-    if (!is_feed_sample(job, std::size_t(i))) continue;
+    if (!is_feed_sample(job.path, job.samples, std::size_t(i))) continue;
     if (sample_numbers.empty() || sample_numbers.back() != i - 1) {
       if (!sample_numbers.empty()) add_far_above(sample_numbers.back());
       if (!sample_numbers.empty()) add_far_above(i - 1);
@@ -124,7 +120,7 @@ Vector3d milled_shift(const Job& job, const cutting::Design& thinned_w) {
 /// Returns the number of the first sample in feed; 0 if there is none.
 std::size_t first_feed_sample(const Job& job) {
   for (std::size_t i = 0; i < job.samples.block.size(); ++i)
-    if (is_feed_sample(job, i)) return i;
+    if (is_feed_sample(job.path, job.samples, i)) return i;
   return 0;
 }
 
@@ -233,7 +229,8 @@ std::optional<ShiftedScene> shift_offsets(const Job& job, const Displacement& di
   for (std::size_t i = 0; i < job.samples.block.size(); ++i) {
     const program::Block& block = job.path.blocks[std::size_t(job.samples.block[i])];
     const int offset_number = block.work_offset;
-    if (!is_feed_sample(job, i) || !visited.insert(offset_number).second) continue;
+    if (!is_feed_sample(job.path, job.samples, i) || !visited.insert(offset_number).second)
+      continue;
     if (offset_number < 0 || std::size_t(offset_number) >= job.scene.program.work_offset.size() ||
         job.scene.program.offsets)
       return std::nullopt;  // the offset is not set by `work_offset` of the scene
@@ -320,7 +317,7 @@ std::vector<double> rotary_positions(const Job& job, std::size_t sample) {
 std::vector<std::vector<double>> feed_orientations(const Job& job, std::size_t max_count) {
   std::vector<std::vector<double>> orientations;
   for (std::size_t i = 0; i < job.samples.block.size() && orientations.size() < max_count; ++i) {
-    if (!is_feed_sample(job, i)) continue;
+    if (!is_feed_sample(job.path, job.samples, i)) continue;
     std::vector<double> angles = rotary_positions(job, i);
     if (std::ranges::find(orientations, angles) == orientations.end())
       orientations.push_back(std::move(angles));

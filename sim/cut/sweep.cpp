@@ -304,7 +304,7 @@ void extend_with_job(SweptSpans& swept, const Job& job, bool has_feed) {
   const Pose T_mw = job.scene.part.T_wm.inverse();
   const std::size_t sample_count = job.T_wt_nominal.size();
   const auto is_feed_sample_at = [&](std::size_t i) {
-    return program::is_feed(job.path.blocks[std::size_t(job.samples.block[i])]);
+    return is_feed_sample(job.path, job.samples, i);
   };
   for (std::size_t i = 0; i < sample_count; ++i) {
     // A feed begins at the last sample of the block before it.

@@ -46,6 +46,11 @@ cutting::CutterMotion cutter_motion(const std::vector<kinematics::Pose>& T_wt,
   return motion;
 }
 
+bool is_feed_sample(const program::Path& path, const program::Samples& samples,
+                    std::size_t sample) {
+  return program::is_feed(path.blocks[std::size_t(samples.block[sample])]);
+}
+
 std::size_t sample_at(const program::Samples& samples, double time_s) {
   const auto& states = samples.states;
   const auto after = std::lower_bound(

@@ -30,6 +30,10 @@ kinematics::Pose slow_pose(const SpindleLine& line, double spindle_angle,
 cutting::CutterMotion cutter_motion(const std::vector<kinematics::Pose>& T_wt,
                                     const program::Samples& samples);
 
+/// Returns true if a sample ends or lies in a block in feed.
+/// @param path  with the blocks of the samples
+bool is_feed_sample(const program::Path& path, const program::Samples& samples, std::size_t sample);
+
 /// Returns the number of the first sample at or after an instant; that of the last if there is
 /// none.
 std::size_t sample_at(const program::Samples& samples, double time_s);

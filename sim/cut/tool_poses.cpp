@@ -173,7 +173,7 @@ double chord_deviation(const ErrorSampler& sampler, const AxisState& from, const
 std::vector<std::size_t> feed_ends(const program::Samples& samples, const program::Path& path) {
   std::vector<std::size_t> ends;
   for (std::size_t i = 1; i < samples.states.size(); ++i)
-    if (program::is_feed(path.blocks[std::size_t(samples.block[i])]) &&
+    if (is_feed_sample(path, samples, i) &&
         is_without_reversal(samples.states[i - 1], samples.states[i]))
       ends.push_back(i);
   return ends;

@@ -10,6 +10,7 @@
 
 #include "kinematics/bad_input.h"
 #include "kinematics/units.h"
+#include "sim/cut/tool_motion.h"
 
 namespace abbe::sim {
 
@@ -311,7 +312,7 @@ std::vector<FeedUse> feed_use(const ToolRun& part) {
   std::vector<FeedUse> uses(part.samples.states.size(), part.before);
   FeedUse use = part.before;
   for (std::size_t i = 1; i < uses.size(); ++i) {
-    if (program::is_feed(part.path.blocks[std::size_t(part.samples.block[i])])) {
+    if (is_feed_sample(part.path, part.samples, i)) {
       use.time_s += part.samples.states[i].time_s - part.samples.states[i - 1].time_s;
       use.distance += (part.T_wt[i].translation() - part.T_wt[i - 1].translation()).norm();
     }

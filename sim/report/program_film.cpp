@@ -404,9 +404,8 @@ ProgramFilm::TracedSamples ProgramFilm::traced_path_samples(std::size_t segment)
   for (std::size_t i = 0; i < samples.states.size(); ++i) {
     const double time = samples.states[i].time_s;
     const bool was_feeding = std::exchange(
-        is_feeding_now,
-        time >= plan_.interval.begin_s && time <= plan_.interval.end_s &&
-            is_feed(segment_path(source_, segment).blocks[std::size_t(samples.block[i])]));
+        is_feeding_now, time >= plan_.interval.begin_s && time <= plan_.interval.end_s &&
+                            is_feed_sample(segment_path(source_, segment), samples, i));
     if (!is_feeding_now) continue;
     const Vector3d tip = nominal_tip(segment, i);
     const double distance = was_feeding ? (tip - last_tip).norm() : 0.0;
@@ -476,8 +475,7 @@ double ProgramFilm::end_s() const {
 
 bool ProgramFilm::is_feeding(const FrameSample& frame_sample) const {
   const program::Samples& samples = part_commands(source_.commands, frame_sample.segment).samples;
-  return is_feed(segment_path(source_, frame_sample.segment)
-                     .blocks[std::size_t(samples.block[frame_sample.sample])]);
+  return is_feed_sample(segment_path(source_, frame_sample.segment), samples, frame_sample.sample);
 }
 
 void ProgramFilm::set_views() {

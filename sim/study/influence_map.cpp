@@ -394,14 +394,17 @@ std::optional<GeometricInput> geometric_input(const BaseRun& run, Index input,
   if (run.ready.needs_commands_per_case) return std::nullopt;
   const std::set<std::string> names = changed_elements(run.study.inputs[std::size_t(input)]);
   if (names.empty()) return std::nullopt;
-  const std::array with_tool{tool_scene(run, scenes[0], 0), tool_scene(run, scenes[1], 0)};
-  const std::array selections{select_elements(with_tool[0].geometric, names),
-                              select_elements(with_tool[1].geometric, names)};
+  std::array<errors::GeometricErrors, 2> selections;
+  for (std::size_t tool = 0; tool < run.tools.size(); ++tool) {
+    const std::array sides{tool_scene(run, scenes[0], tool), tool_scene(run, scenes[1], tool)};
+    if (!same_tools(sides[0].tool, sides[1].tool)) return std::nullopt;
+    // Elements without run-out are the same for all tools.
+    if (tool == 0)
+      selections = {select_elements(sides[0].geometric, names),
+                    select_elements(sides[1].geometric, names)};
+  }
   for (const errors::GeometricErrors& selection : selections)
     if (selection.elements.size() != names.size()) return std::nullopt;
-  for (std::size_t tool = 0; tool < run.tools.size(); ++tool)
-    if (!same_tools(tool_scene(run, scenes[0], tool).tool, tool_scene(run, scenes[1], tool).tool))
-      return std::nullopt;
   const kinematics::Chain& chain = run.ready.job.truth.actual;
   const double scale = scenes[0].error_scale;
   const std::array<double, 2> values = difference_points(run.study, input);
