@@ -329,15 +329,15 @@ void add_value(Spread& spread_json, double value) {
 namespace {
 
 /// Adds the squares and the largest values of the changes of one tool.
-void add_part_change(const Job& job, const Commands& commands, ProgramChange& change) {
+void add_segment_change(const Segment& segment, const Commands& commands, ProgramChange& change) {
   for (std::size_t i = 0; i < commands.samples.states.size(); ++i) {
     // The fraction of the time of its block in the rewritten program gives the commanded axes.
     const program::Block& block = commands.path->blocks[std::size_t(commands.samples.block[i])];
     const double duration = block.end_s - block.start_s;
     const double u =
         duration > 0.0 ? (commands.samples.states[i].time_s - block.start_s) / duration : 1.0;
-    const kinematics::Pose T =
-        job.machine.nominal.tool_in_workpiece(nominal_axes(job.machine, *commands.path, block, u));
+    const kinematics::Pose T = segment.machine.nominal.tool_in_workpiece(
+        nominal_axes(segment.machine, *commands.path, block, u));
     const kinematics::Pose& nominal = commands.T_wt_nominal[i];
     add_value(change.tip, (T.translation() - nominal.translation()).norm());
     const Eigen::Vector3d a = T.linear().col(2), b = nominal.linear().col(2);
@@ -350,9 +350,9 @@ void add_part_change(const Job& job, const Commands& commands, ProgramChange& ch
 
 ProgramChange program_change(const Job& job, const Commands& commands) {
   ProgramChange change;
-  const auto parts = job_parts(job);
-  for (std::size_t i = 0; i < parts.size(); ++i)
-    add_part_change(parts[i], part_commands(commands, i), change);
+  const auto segments = job_segments(job);
+  for (std::size_t i = 0; i < segments.size(); ++i)
+    add_segment_change(segments[i], part_commands(commands, i), change);
   const std::size_t n = commands.samples.states.size();
   for (Spread* spread_json : {&change.tip, &change.direction})
     spread_json->rms = std::sqrt(spread_json->rms / double(std::max<std::size_t>(1, n)));
@@ -487,11 +487,12 @@ compensation::ControlExport export_files(const Job& job, const LearnedCorrection
   try {
     if (format != ControlFormat::Isg)
       return compensation::to_control(
-          correction_tables(make_control_view(job), learn_correction.corrector), control, format);
+          correction_tables(make_control_view(job, job), learn_correction.corrector), control,
+          format);
     if (!learn_correction.geometric)
       throw std::invalid_argument("expected identified geometric errors, seen none");
     return compensation::to_volumetric(*learn_correction.geometric, control,
-                                       table_options(make_control_view(job)));
+                                       table_options(make_control_view(job, job)));
   } catch (const std::logic_error& error) {  // including out_of_range: a table of the belief is too
                                              // short
     throw BadInput(job.scene.file.string(), 0, 0, "a correction that fits into tables",

@@ -195,8 +195,8 @@ std::vector<SolidBody> machine_bodies(const MachineDescription& machine) {
   return bodies;
 }
 
-std::vector<SolidBody> tool_bodies(const Job& part, double skin) {
-  return ToolBodies(part.scene.tool, Carriers{part.truth.actual.size()}.tool(), skin).bodies;
+std::vector<SolidBody> tool_bodies(const Segment& segment, double skin) {
+  return ToolBodies(segment.scene.tool, Carriers{segment.truth.actual.size()}.tool(), skin).bodies;
 }
 
 std::vector<SolidBody> fixture_bodies(const Scene& scene) {
@@ -210,16 +210,17 @@ std::vector<SolidBody> fixture_bodies(const Scene& scene) {
   return bodies;
 }
 
-std::vector<SolidBody> job_bodies(const Job& part) {
-  std::vector<SolidBody> bodies = machine_bodies(part.scene.machine);
-  std::ranges::move(fixture_bodies(part.scene), std::back_inserter(bodies));
-  const Carriers carriers{part.truth.actual.size()};
+std::vector<SolidBody> segment_bodies(const Segment& segment, const cutting::Design& design_w) {
+  std::vector<SolidBody> bodies = machine_bodies(segment.scene.machine);
+  std::ranges::move(fixture_bodies(segment.scene), std::back_inserter(bodies));
+  const Carriers carriers{segment.truth.actual.size()};
   bodies.push_back({SolidBody::Kind::Part,
                     "part",
                     "w",
                     carriers.workpiece(),
-                    {part.design_w.vertices, part.design_w.triangles, 0.0}});
-  std::ranges::move(tool_bodies(part, part.scene.collision.gouge), std::back_inserter(bodies));
+                    {design_w.vertices, design_w.triangles, 0.0}});
+  std::ranges::move(tool_bodies(segment, segment.scene.collision.gouge),
+                    std::back_inserter(bodies));
   return bodies;
 }
 
@@ -252,33 +253,34 @@ std::vector<std::string> inside_fixture_warnings(const std::vector<SolidBody>& b
 
 }  // namespace
 
-std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidBody>& bodies) {
+std::vector<std::string> body_warnings(const Segment& segment,
+                                       const std::vector<SolidBody>& bodies) {
   std::vector<std::string> warnings;
-  if (part.scene.machine.bodies.empty())
+  if (segment.scene.machine.bodies.empty())
     warnings.push_back(
         "the machine has no [[body]]: only tool, holder, fixtures and part are checked");
-  if (!part.scene.tool.holder)
+  if (!segment.scene.tool.holder)
     warnings.push_back(
         "the tool has no [tool.holder]: behind the tool only the bodies of the machine are "
         "checked");
-  if (std::holds_alternative<cutting::Nose>(part.scene.tool.actual)) {
+  if (std::holds_alternative<cutting::Nose>(segment.scene.tool.actual)) {
     warnings.push_back("a turning tool is checked by its holder only because its edge has no body");
-    if (part.scene.cutting)
+    if (segment.scene.cutting)
       warnings.push_back(
           "this search does not include the stock of a turned part; the cut warns of a rapid "
           "through it");
   }
-  if (part.machine.workpiece_spindle)
+  if (segment.machine.workpiece_spindle)
     warnings.push_back(
         "the spindle does not turn in this search: the bodies it carries are checked at 0 deg");
-  if (const auto* cutter = std::get_if<cutting::Cutter>(&part.scene.tool.actual))
-    if (const double max_gouge = 0.25 * cutter->radius; part.scene.collision.gouge > max_gouge)
+  if (const auto* cutter = std::get_if<cutting::Cutter>(&segment.scene.tool.actual))
+    if (const double max_gouge = 0.25 * cutter->radius; segment.scene.collision.gouge > max_gouge)
       warnings.push_back(fmt::format(
           "collision.gouge_mm = {:g} is more than a quarter of the cutter radius: {:g} mm is used",
-          part.scene.collision.gouge, max_gouge));
+          segment.scene.collision.gouge, max_gouge));
   std::vector<const BodyDescription*> descriptions;
-  for (const MachineBody& body : part.scene.machine.bodies) descriptions.push_back(&body.body);
-  for (const BodyDescription& fixture : part.scene.fixtures) descriptions.push_back(&fixture);
+  for (const MachineBody& body : segment.scene.machine.bodies) descriptions.push_back(&body.body);
+  for (const BodyDescription& fixture : segment.scene.fixtures) descriptions.push_back(&fixture);
   for (std::size_t i = 0; i < descriptions.size(); ++i) {
     const auto* mesh = std::get_if<MeshShape>(&descriptions[i]->shape);
     if (mesh == nullptr) continue;
@@ -337,13 +339,13 @@ kinematics::AxisState ActualMotion::state(const cutting::Moment& moment) const {
     state.q = previous.q + moment.u * (next.q - previous.q);
     state.time_s = previous.time_s + moment.u * (next.time_s - previous.time_s);
   }
-  if (const auto& spindle = part.machine.workpiece_spindle) state.q[*spindle] = 0.0;
+  if (const auto& spindle = segment.machine.workpiece_spindle) state.q[*spindle] = 0.0;
   return state;
 }
 
 std::vector<kinematics::Pose> ActualMotion::carriers(const cutting::Moment& moment) const {
   const kinematics::AxisState at = state(moment);
-  return carrier_poses(part.truth.actual, at.q, deviations(part.truth, at).joints);
+  return carrier_poses(segment.truth.actual, at.q, deviations(segment.truth, at).joints);
 }
 
 std::size_t ActualMotion::target_sample(const cutting::Moment& moment) const {
@@ -362,7 +364,7 @@ bool ActualMotion::is_rapid(const cutting::Moment& moment) const {
 
 Collision collision_at(const ActualMotion& actual_motion, const cutting::Moment& moment,
                        const Eigen::Vector3d& place_b) {
-  const Carriers carriers{actual_motion.part.truth.actual.size()};
+  const Carriers carriers{actual_motion.segment.truth.actual.size()};
   const std::vector<kinematics::Pose> T = actual_motion.carriers(moment);
   Collision event;
   event.first = event.worst = event.last = actual_motion.place(moment);

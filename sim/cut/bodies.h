@@ -61,19 +61,21 @@ std::vector<SolidBody> fixture_bodies(const Scene& scene);
 /// @throws BadInput as `body_mesh`
 std::vector<SolidBody> machine_bodies(const MachineDescription& machine);
 
-/// Returns cutter, shank and holder of the actual tool of a part of a job.
+/// Returns cutter, shank and holder of the actual tool of a segment.
 /// @param skin  thickness by which the cores of cutter and shank are smaller, mm, at most a quarter
 ///     of their radius
-std::vector<SolidBody> tool_bodies(const Job& part, double skin);
+std::vector<SolidBody> tool_bodies(const Segment& segment, double skin);
 
-/// Returns every body of a part of a job: machine, fixtures, part, and cutter, shank and holder of
-/// the actual tool.
+/// Returns every body of a segment: machine, fixtures, part, and cutter, shank and holder of the
+/// actual tool.
+/// @param design_w  the part
 /// @throws BadInput as `body_mesh`
-std::vector<SolidBody> job_bodies(const Job& part);
+std::vector<SolidBody> segment_bodies(const Segment& segment, const cutting::Design& design_w);
 
-/// Returns warnings about the bodies of a job, such as no bodies at all, a tiny mesh, or a fixture
-/// inside the part.
-std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidBody>& bodies);
+/// Returns warnings about the bodies of a segment, such as no bodies at all, a tiny mesh, or a
+/// fixture inside the part.
+std::vector<std::string> body_warnings(const Segment& segment,
+                                       const std::vector<SolidBody>& bodies);
 
 /// Returns the body for the collision search.
 cutting::Body search_body(const SolidBody& solid);
@@ -91,13 +93,13 @@ std::vector<cutting::BodyPair> collision_pairs(
     const kinematics::Chain& chain, const std::vector<SolidBody>& bodies,
     const std::vector<CollisionDescription::Pair>& ignored);
 
-/// The motion of a part of a job under its commands on the machine with errors. Holds references to
+/// The motion of a segment under its commands on the machine with errors. Holds references to
 /// its arguments.
 struct ActualMotion {
-  const Job& part;
+  const Segment& segment;
   const Commands& commands;
   const program::Samples& samples = commands.samples;
-  const program::Path& path = path_of(part, commands);
+  const program::Path& path = path_of(segment, commands);
 
   /// Returns the axis state at a moment. Axes and time are interpolated linearly between samples;
   /// directions are those of the motion to the next sample. A workpiece spindle is at 0.

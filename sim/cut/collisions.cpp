@@ -39,7 +39,7 @@ using kinematics::Side;
 /// Returns an upper bound of the distance from any rotary axis to any point of a body, mm: the
 /// distance with all axes at zero, plus the largest positions of the slides.
 double reach(const ActualMotion& actual_motion, const std::vector<SolidBody>& bodies) {
-  const kinematics::Chain& chain = actual_motion.part.truth.actual;
+  const kinematics::Chain& chain = actual_motion.segment.truth.actual;
   const std::vector<Pose> T = carrier_poses(chain, kinematics::AxisVector::Zero(chain.size()), {});
   double radius = 0.0, slide_travel = 0.0;
   for (const SolidBody& body : bodies) {
@@ -67,7 +67,7 @@ double reach(const ActualMotion& actual_motion, const std::vector<SolidBody>& bo
 /// which is turn^2 reach for turns about axes within `reach`; a slide that a rotary axis carries
 /// adds twice the product of both displacements.
 std::vector<double> chord_heights(const ActualMotion& actual_motion, double reach) {
-  const kinematics::Chain& chain = actual_motion.part.truth.actual;
+  const kinematics::Chain& chain = actual_motion.segment.truth.actual;
   std::vector<double> bulge(actual_motion.samples.states.size() - 1, 0.0);
   for (std::size_t i = 0; i < bulge.size(); ++i) {
     const kinematics::AxisVector step = actual_motion.state(cutting::Moment{i + 1, 0.0}).q -
@@ -86,7 +86,7 @@ std::vector<double> chord_heights(const ActualMotion& actual_motion, double reac
 // Returns the motion of all carriers, divided at the ends of blocks.
 CarrierMotion carrier_motion(const ActualMotion& actual_motion, double reach) {
   CarrierMotion motion;
-  motion.carriers = Carriers{actual_motion.part.truth.actual.size()}.count();
+  motion.carriers = Carriers{actual_motion.segment.truth.actual.size()}.count();
   motion.instants = actual_motion.samples.states.size();
   motion.place = [&actual_motion](std::size_t i, double u, std::span<Pose> T) {
     std::ranges::copy(actual_motion.carriers({i, u}), T.begin());
@@ -129,38 +129,39 @@ SearchSetup collision_search(const std::vector<SolidBody>& bodies,
   return search;
 }
 
-/// Searches a part of a job and appends the result to that of the job.
-class PartSearch {
+/// Searches a segment and appends the result to that of the job.
+class SegmentSearch {
  public:
-  PartSearch(const ActualMotion& actual_motion, std::size_t number, Collisions& result)
+  SegmentSearch(const ActualMotion& actual_motion, const cutting::Design& design_w,
+                std::size_t number, Collisions& result)
       : actual_motion_(actual_motion),
         number_(number),
         result_(result),
-        bodies_(job_bodies(actual_motion.part)),
-        pairs_(collision_pairs(actual_motion.part.truth.actual, bodies_,
-                               actual_motion.part.scene.collision.ignore)),
+        bodies_(segment_bodies(actual_motion.segment, design_w)),
+        pairs_(collision_pairs(actual_motion.segment.truth.actual, bodies_,
+                               actual_motion.segment.scene.collision.ignore)),
         search_(collision_search(bodies_, pairs_)),
         motion_(carrier_motion(actual_motion, reach(actual_motion, bodies_))) {}
 
-  /// @param before  stock at the start of the part; none: the blank
-  /// @return the stock that the part leaves; none if it is not tracked
+  /// @param before  stock at the start of the segment; none: the blank
+  /// @return the stock that the segment leaves; none if it is not tracked
   std::optional<cutting::Stock> run(std::optional<cutting::Stock> before,
                                     const Progress& progress) {
-    const CollisionDescription& description = actual_motion_.part.scene.collision;
+    const CollisionDescription& description = actual_motion_.segment.scene.collision;
     cutting::EncounterOptions options;
     options.resolution = description.resolution;
     options.clearance = description.clearance;
     options.progress = [&](double fraction) {
       if (progress) progress("collisions", fraction);
     };
-    const cutting::Encounters search_result = check_table_range(actual_motion_.part, [&] {
+    const cutting::Encounters search_result = check_table_range(actual_motion_.segment, [&] {
       return cutting::encounters(search_.bodies, search_.pairs, motion_, options);
     });
     result_.queries += search_result.queries;
     add_bodies();
     add_clearances(search_result);
     for (const Encounter& encounter : search_result.list) add(encounter);
-    if (!has_tracked_stock(actual_motion_.part)) return {};
+    if (!has_tracked_stock(actual_motion_.segment)) return {};
     return add_stock(std::move(before), progress);
   }
 
@@ -173,7 +174,7 @@ class PartSearch {
       if (number_ == 0 || solid.kind == SolidBody::Kind::Cutter ||
           solid.kind == SolidBody::Kind::Shank || solid.kind == SolidBody::Kind::Holder)
         result_.bodies.push_back({solid.name, solid.carrier, solid.mesh.triangles.rows()});
-    for (std::string& text : body_warnings(actual_motion_.part, bodies_))
+    for (std::string& text : body_warnings(actual_motion_.segment, bodies_))
       if (std::ranges::find(result_.warnings, text) == result_.warnings.end())
         result_.warnings.push_back(std::move(text));
   }
@@ -204,7 +205,7 @@ class PartSearch {
   std::optional<cutting::Stock> add_stock(std::optional<cutting::Stock> before,
                                           const Progress& progress) {
     const auto begin = std::ptrdiff_t(result_.list.size()) - std::ptrdiff_t(event_count_);
-    StockCollisions stock = check_table_range(actual_motion_.part, [&] {
+    StockCollisions stock = check_table_range(actual_motion_.segment, [&] {
       return stock_collisions(actual_motion_, bodies_, pairs_, std::move(before), progress);
     });
     result_.queries += stock.queries;
@@ -215,7 +216,7 @@ class PartSearch {
       event.part = number_;
       result_.list.push_back(std::move(event));
     }
-    // Both groups of collisions of the part, those with the stock behind the others, are in the
+    // Both groups of collisions of the segment, those with the stock behind the others, are in the
     // order of time already; the sort merges them.
     std::stable_sort(
         result_.list.begin() + begin, result_.list.end(),
@@ -238,7 +239,7 @@ class PartSearch {
   }
 
   /// Lowers the clearance of a block if a pair comes nearer than the previous ones.
-  /// @param block_number  in this part
+  /// @param block_number  in this segment
   /// @param pair          index in the clearances of the result
   void lower_clearance(std::size_t block_number, double min_clearance, int pair) {
     BlockClearance& block = result_.blocks[first_block_ + block_number];
@@ -301,7 +302,7 @@ class PartSearch {
   std::size_t number_;
   Collisions& result_;
   std::size_t first_clearance_ = result_.clearances.size(), first_block_ = result_.blocks.size();
-  std::size_t event_count_ = 0;  // number of collisions of this part in the list
+  std::size_t event_count_ = 0;  // number of collisions of this segment in the list
   std::vector<SolidBody> bodies_;
   std::vector<BodyPair> pairs_;
   SearchSetup search_;
@@ -328,18 +329,18 @@ Collisions collisions(const Job& job, const Commands& commands, const std::strin
   result.resolution = job.scene.collision.resolution;
   result.clearance = job.scene.collision.clearance;
   result.gouge = job.scene.collision.gouge;
-  const auto parts = job_parts(job);
+  const auto segments = job_segments(job);
   std::optional<cutting::Stock> stock;
-  for (std::size_t i = 0; i < parts.size(); ++i) {
-    const ActualMotion actual_motion{parts[i], part_commands(commands, i)};
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    const ActualMotion actual_motion{segments[i], part_commands(commands, i)};
     if (i == 0) result.subprogram_files = actual_motion.path.subprogram_files;
     try {
       // One error is reported, and the search goes on, so that the user sees the collisions too.
-      check_travel(parts[i].machine, actual_motion.path, actual_motion.samples);
+      check_travel(segments[i].machine, actual_motion.path, actual_motion.samples);
     } catch (const BadInput& beyond) {
       if (result.beyond_travel.empty()) result.beyond_travel = beyond.what();
     }
-    stock = PartSearch(actual_motion, i, result).run(std::move(stock), progress);
+    stock = SegmentSearch(actual_motion, job.design_w, i, result).run(std::move(stock), progress);
   }
   add_overlap_warnings(result);
   result.seconds = watch.lap();
@@ -591,21 +592,21 @@ std::string pair_text(const BodyProximity& pair) { return pair.a + " and " + pai
 
 constexpr std::string_view not_searched = "this command does not check collisions";
 
-/// Returns the pairs of one part of a job that come near.
-Proximity near_bodies_in(const Job& part) {
+/// Returns the pairs of one segment that come near.
+Proximity near_bodies_in(const Segment& segment) {
   Proximity proximity;
-  if (part.samples.states.empty()) return proximity;
+  if (segment.samples.states.empty()) return proximity;
   // Without machine bodies and fixtures only the tool is left, which cannot meet itself.
-  std::vector<SolidBody> solids = machine_bodies(part.scene.machine);
-  std::ranges::move(fixture_bodies(part.scene), std::back_inserter(solids));
+  std::vector<SolidBody> solids = machine_bodies(segment.scene.machine);
+  std::ranges::move(fixture_bodies(segment.scene), std::back_inserter(solids));
   if (solids.empty()) return proximity;
-  std::ranges::move(tool_bodies(part, 0.0), std::back_inserter(solids));
+  std::ranges::move(tool_bodies(segment, 0.0), std::back_inserter(solids));
   std::vector<BoxedBody> bodies;
   for (const SolidBody& solid : solids) bodies.push_back(boxed(solid));
-  const AxisMotion motion(part.machine, part.samples);
-  NearSearch search(part.scene, part.machine, motion);
+  const AxisMotion motion(segment.machine, segment.samples);
+  NearSearch search(segment.scene, segment.machine, motion);
   for (const BodyPair& pair :
-       collision_pairs(part.machine.nominal, solids, part.scene.collision.ignore))
+       collision_pairs(segment.machine.nominal, solids, segment.scene.collision.ignore))
     if (auto near = search.first_near(bodies[std::size_t(pair.a)], bodies[std::size_t(pair.b)]))
       proximity.near.push_back(std::move(*near));
   proximity.is_complete = !search.is_exhausted();
@@ -619,8 +620,8 @@ Proximity find_near_bodies(const Job& job) {
   result.is_complete = !job.windows;
   if (job.windows) return result;
   // A pair is listed once, for the first tool with which it is near.
-  for (const Job& part : job_parts(job)) {
-    Proximity proximity = near_bodies_in(part);
+  for (const Segment& segment : job_segments(job)) {
+    Proximity proximity = near_bodies_in(segment);
     result.is_complete = result.is_complete && proximity.is_complete;
     for (BodyProximity& pair : proximity.near)
       if (std::ranges::none_of(result.near, [&](const BodyProximity& listed) {

@@ -13,7 +13,7 @@ namespace abbe::sim {
 /// Between two samples the axes move linearly. Cutter and shank may enter the part by
 /// `collision.gouge_mm`; any other pair within the resolution is a collision. With [cutting] the
 /// bodies are also searched against the stock at each moment (stock_replay.h).
-/// @throws BadInput as `job_bodies`, and if the motion leaves a table of the errors
+/// @throws BadInput as `segment_bodies`, and if the motion leaves a table of the errors
 Collisions collisions(const Job& job, const Commands& commands, const std::string& name,
                       const Progress& progress = {});
 

@@ -154,12 +154,12 @@ Commands joined(std::vector<Commands> parts) {
       if (std::ranges::find(job_commands.warnings, warning) == job_commands.warnings.end())
         job_commands.warnings.push_back(warning);
   }
-  job_commands.stretches = std::move(parts);
+  job_commands.segments = std::move(parts);
   return job_commands;
 }
 
 const Commands& part_commands(const Commands& commands, std::size_t part) {
-  return commands.stretches.empty() ? commands : commands.stretches[part];
+  return commands.segments.empty() ? commands : commands.segments[part];
 }
 
 }  // namespace abbe::sim

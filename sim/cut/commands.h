@@ -83,14 +83,14 @@ struct Commands {
   std::vector<std::string> warnings;
   /// Commands of the segments of a job with several tools. The outer object then has only the
   /// states of the samples, the remaining errors, and the warnings.
-  std::vector<Commands> stretches = {};
+  std::vector<Commands> segments = {};
 };
 
 /// Joins the commands of the parts of a job into those of the job.
 Commands joined(std::vector<Commands> parts);
 
 /// Returns the commands of a part of a job.
-/// @param part  its number in `parts_of`
+/// @param part  its number in `job_segments`
 const Commands& part_commands(const Commands& commands, std::size_t part);
 
 /// Returns the commands of a control for a program that was sampled with the chain `sampled_by`.

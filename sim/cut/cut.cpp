@@ -61,12 +61,12 @@ double edge_radius(const cutting::Nose& nose) {
 
 /// Returns an upper bound, mm, of the gouge that the errors explain: displaced tip, tilt over the
 /// length of the tool, larger tool.
-double explained_gouge(const Job& job, const PoseErrors& errors) {
-  const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.actual);
+double explained_gouge(const Segment& segment, const PoseErrors& errors) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&segment.scene.tool.actual);
   const double arm = cutter != nullptr
                          ? cutter->flank_length + cutter->radius
-                         : edge_radius(std::get<cutting::Nose>(job.scene.tool.actual));
-  return errors.tip.max + errors.direction.max * arm + oversize(job.scene.tool);
+                         : edge_radius(std::get<cutting::Nose>(segment.scene.tool.actual));
+  return errors.tip.max + errors.direction.max * arm + oversize(segment.scene.tool);
 }
 
 std::string gouge_text(const ProgramGouge& gouge, int flank_count) {
@@ -326,15 +326,15 @@ PoseErrors pose_errors(const std::vector<Pose>& T_wt, const std::vector<Pose>& T
 /// Simulates stock and forces of a part of a case with its actual poses.
 /// @param before  has the stock that the parts before have left
 Process simulated_process(const ActualRun& run, const Progress& progress, Process before) {
-  const Job& job = run.job;
-  if (!job.scene.cutting) return {};
+  const Segment& segment = run.segment;
+  if (!segment.scene.cutting) return {};
   const auto pose = [&](std::size_t sample, const errors::Load& load) {
     return actual_pose(run, sample, load);
   };
   return simulate_process(
-      job.scene, job.machine, *job.body_m,
-      {run.commands.samples, path_of(job, run.commands), run.T_wt_target, pose, job.truth.actual,
-       job.scene.tool.actual},
+      segment.scene, segment.machine, *segment.body_m,
+      {run.commands.samples, path_of(segment, run.commands), run.T_wt_target, pose,
+       segment.truth.actual, segment.scene.tool.actual},
       [&](double fraction) {
         if (progress) progress("stock", fraction);
       },
@@ -343,12 +343,12 @@ Process simulated_process(const ActualRun& run, const Progress& progress, Proces
 
 /// Returns the name of the geometric element with the largest value at an axis state. Angles count
 /// at a lever of 1 m.
-std::string largest_element(const Job& job, const AxisState& state) {
+std::string largest_element(const Segment& segment, const AxisState& state) {
   constexpr double lever = 1000.0;  // mm
   std::string name = "not from [errors] but from heat, force, clamping or tool";
   double max_value = 0.0;
-  const auto& joints = job.machine.nominal.joints();
-  for (const errors::Element& element : job.scene.geometric.elements) {
+  const auto& joints = segment.machine.nominal.joints();
+  for (const errors::Element& element : segment.scene.geometric.elements) {
     const auto joint = std::ranges::find_if(joints, [&](const kinematics::Joint& candidate) {
       return candidate.name == element.name.axis ||
              (candidate.name == 's' && element.name.axis == 'S');
@@ -363,7 +363,7 @@ std::string largest_element(const Job& job, const AxisState& state) {
     curve_state.stroke = state.stroke[j];
     double value = 0.0;
     for (const errors::Curve& curve : element.curves) value += errors::value(curve, curve_state);
-    value *= std::abs(job.scene.error_scale) * (element.name.is_angle() ? lever : 1.0);
+    value *= std::abs(segment.scene.error_scale) * (element.name.is_angle() ? lever : 1.0);
     if (!(std::abs(value) > max_value)) continue;
     max_value = std::abs(value);
     name = "errors." + errors::to_string(element.name);
@@ -379,12 +379,12 @@ void check_tips(const ActualRun& run, const std::vector<Pose>& T_wt) {
   for (std::size_t i = 0; i < T_wt.size(); ++i) {
     const double deviation = (T_wt[i].translation() - run.T_wt_target[i].translation()).norm();
     if (deviation <= max_mm) continue;
-    const program::Path& path = path_of(run.job, run.commands);
+    const program::Path& path = path_of(run.segment, run.commands);
     throw BadInput(
         path.file, samples.line[i], 0,
         fmt::format("errors (times errors.scale) that move the tip by at most {} mm", max_mm),
         fmt::format("{:.3g} mm in this block, largest contribution: {}", deviation,
-                    largest_element(run.job, samples.states[i])));
+                    largest_element(run.segment, samples.states[i])));
   }
 }
 
@@ -395,7 +395,7 @@ std::span<const double> piezo_stroke(const Commands& commands) {
 }
 
 /// Returns the number of the first sample that a part does not share with the part before.
-std::size_t first_new_sample(const Job& part) { return part.sampling.continued_from ? 1 : 0; }
+std::size_t first_new_sample(const Segment& part) { return part.sampling.continued_from ? 1 : 0; }
 
 /// The motion of one part of a job on the machine with errors.
 struct SegmentMotion {
@@ -411,37 +411,37 @@ struct SegmentMotion {
 /// Computes the actual poses of a part, with its process, signals and warnings.
 /// @param max_intervals  number of intervals sampled for the chord error, at most
 /// @param before         has the stock that the parts before have left
-SegmentMotion segment_motion(const Job& job, const Commands& commands, const Progress& progress,
-                             std::map<std::string, double>& timing_s, std::size_t max_intervals,
-                             Process before = {}) {
+SegmentMotion segment_motion(const Segment& segment, const Commands& commands,
+                             const Progress& progress, std::map<std::string, double>& timing_s,
+                             std::size_t max_intervals, Process before = {}) {
   Stopwatch watch;
   SegmentMotion motion;
-  const ActualRun run = actual_run(job, commands);
-  motion.T_wt = check_table_range(job, [&] {
+  const ActualRun run = actual_run(segment, commands);
+  motion.T_wt = check_table_range(segment, [&] {
     motion.process = simulated_process(run, progress, std::move(before));
     timing_s["stock"] += watch.lap();
     if (progress) progress("poses", 0.0);
     const std::vector<errors::Load> loads = sample_loads(run, motion.process);
-    motion.signals = signals(job.scene, job.machine, job.truth,
+    motion.signals = signals(segment.scene, segment.machine, segment.truth,
                              {commands.samples, run.T_wt_target, motion.process, loads,
                               commands.correction, piezo_stroke(commands)});
     return actual_poses(run, loads, {});
   });
-  check_table_range(job, [&] { check_tips(run, motion.T_wt); });
-  add_warnings(process_warnings(job.scene, motion.process), motion.warnings);
+  check_table_range(segment, [&] { check_tips(run, motion.T_wt); });
+  add_warnings(process_warnings(segment.scene, motion.process), motion.warnings);
   motion.chord_error =
-      check_table_range(job, [&] { return chord_error(job, commands, max_intervals); });
+      check_table_range(segment, [&] { return chord_error(segment, commands, max_intervals); });
   // The window before has counted a shared sample.
-  motion.pose_errors = pose_errors(motion.T_wt, run.T_wt_target, first_new_sample(job));
-  if (!run.wear.empty() && job.scene.tool.wear->radius > 0.0)
-    motion.worn_cutter = worn_segments(job.scene.tool, run.wear, commands.samples, motion.T_wt);
+  motion.pose_errors = pose_errors(motion.T_wt, run.T_wt_target, first_new_sample(segment));
+  if (!run.wear.empty() && segment.scene.tool.wear->radius > 0.0)
+    motion.worn_cutter = worn_segments(segment.scene.tool, run.wear, commands.samples, motion.T_wt);
   timing_s["poses"] += watch.lap();
   return motion;
 }
 
 /// Adds the sweep of a part, or the sweeps of its segments if the radius of the tool wears. The
 /// sweeps refer to the arguments.
-void add_sweeps(const Job& part, const Commands& commands, const SegmentMotion& motion,
+void add_sweeps(const Segment& part, const Commands& commands, const SegmentMotion& motion,
                 std::vector<ToolSweep>& sweeps) {
   const auto& chain = part.truth.actual;
   const std::optional<int> spindle = part.machine.workpiece_spindle;
@@ -480,7 +480,7 @@ Cut cut_error_free(const Job& job, const Progress& progress, Retention keep) {
   result.name = result.case_name = "error_free";
   if (progress) progress("surface", 0.0);  // shown while the moves are sorted
   const SweepVisitor visit_sweeps = [&](const std::function<void(const ToolSweep&)>& use) {
-    visit_parts(job, [&](const Job& part) { use(segment_error_free_sweep(part)); });
+    visit_segments(job, [&](const Segment& part) { use(segment_error_free_sweep(part)); });
   };
   CutMap map = cut_map(job, {error_free_sweep(job, surface_options(job, progress)), visit_sweeps,
                              job.path, [] { return 0.0; }, error_free_surface(job)});
@@ -489,7 +489,7 @@ Cut cut_error_free(const Job& job, const Progress& progress, Retention keep) {
   result.process = job.nominal_process;
   if (keep == Retention::Track) {
     std::vector<TrackedPart> parts;
-    for (const Job& part : job_parts(job))
+    for (const Segment& part : job_segments(job))
       parts.push_back({part.samples, part.T_wt_nominal, part.T_wt_nominal});
     result.track = join_tracks(parts);
   }
@@ -500,20 +500,24 @@ Cut cut_error_free(const Job& job, const Progress& progress, Retention keep) {
 }
 
 void check_travel(const Job& job, const Commands& commands) {
-  const auto parts = job_parts(job);
+  const auto parts = job_segments(job);
   for (std::size_t i = 0; i < parts.size(); ++i)
     check_travel(parts[i].machine, path_of(parts[i], part_commands(commands, i)),
                  part_commands(commands, i).samples);
 }
 
-Process cut_process(const Job& job, const Commands& commands, const Progress& progress,
-                    Process before) {
-  Process process = std::move(before);
-  const auto parts = job_parts(job);
-  for (std::size_t i = 0; i < parts.size(); ++i)
-    append_part(simulated_process(actual_run(parts[i], part_commands(commands, i)), progress,
-                                  take_stock(process)),
-                process);
+Process segment_process(const Segment& segment, const Commands& commands, Process before,
+                        const Progress& progress) {
+  return simulated_process(actual_run(segment, commands), progress, std::move(before));
+}
+
+Process cut_process(const Job& job, const Commands& commands, const Progress& progress) {
+  Process process;
+  const auto segments = job_segments(job);
+  for (std::size_t i = 0; i < segments.size(); ++i)
+    append_part(
+        segment_process(segments[i], part_commands(commands, i), take_stock(process), progress),
+        process);
   return process;
 }
 
@@ -552,7 +556,7 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Rete
     if (job.scene.collision.stop) stop_at_collision(*result.collisions);
     add_warnings(collision_warnings(*result.collisions), result.warnings);
   }
-  const auto parts = job_parts(job);
+  const auto parts = job_segments(job);
   std::vector<SegmentMotion> motions;
   double samples = 0.0, max_explained = 0.0;
   for (std::size_t i = 0; i < parts.size(); ++i) {
@@ -609,7 +613,7 @@ class WindowedCut {
   std::size_t not_converged() const { return not_converged_; }
 
  private:
-  void report(const Job& part, const Commands& commands, SegmentMotion& motion);
+  void report(const Segment& part, const Commands& commands, SegmentMotion& motion);
 
   const Job& job_;
   CommandSource command_source_;
@@ -626,7 +630,7 @@ std::size_t intervals_per_window(std::size_t windows) {
 }
 
 SweptWindow WindowedCut::at(std::size_t number) {
-  Job part = make_window(job_, number);
+  Segment part = make_window(job_, number);
   Commands commands = command_source_(part);
   check_travel(part.machine, path_of(part, commands), commands.samples);
   std::map<std::string, double> timing_s;
@@ -647,7 +651,7 @@ void WindowedCut::visit_sweeps(const std::function<void(const ToolSweep&)>& use)
   }
 }
 
-void WindowedCut::report(const Job& part, const Commands& commands, SegmentMotion& motion) {
+void WindowedCut::report(const Segment& part, const Commands& commands, SegmentMotion& motion) {
   ++reported_;
   // The first sample of a window is the last of the one before, and counts only once.
   const double n = double(motion.T_wt.size()) - double(first_new_sample(part));
@@ -691,7 +695,7 @@ Cut cut_in_windows(const Job& job, const CommandSource& command_source, const Pr
 Cut cut(const Job& job, const Progress& progress, Retention keep) {
   if (job.windows)
     return cut_in_windows(
-        job, [](const Job& part) { return uncompensated_commands(part); }, progress);
+        job, [](const Segment& window) { return segment_commands(window); }, progress);
   Stopwatch watch;
   const Commands commands = uncompensated_commands(job);
   const double correction_s = watch.lap();

@@ -62,7 +62,7 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress = {},
         Retention keep = Retention::Map);
 
 /// Returns the commands of a window of a job.
-using CommandSource = std::function<Commands(const Job& window)>;
+using CommandSource = std::function<Commands(const Segment& window)>;
 
 /// Cuts a job in windows on the machine with errors, in the memory of one window. Each window is
 /// sampled, commanded and swept as often as the surface needs it; figures are those of the first
@@ -75,11 +75,12 @@ Cut cut_in_windows(const Job& job, const CommandSource& command_source,
 /// Throws BadInput with the first program line on which a commanded axis leaves its travel.
 void check_travel(const Job& job, const Commands& commands);
 
-/// Simulates the cutting process (stock and forces) without the surface.
-/// @param before  has the stock at the start of the job, or of the part of a job; without a stock
-///     the blank is cut
-Process cut_process(const Job& job, const Commands& commands, const Progress& progress = {},
-                    Process before = {});
+/// Simulates the cutting process (stock and forces) of a segment without the surface.
+/// @param before  has the stock at the start of the segment; without a stock the blank is cut
+Process segment_process(const Segment& segment, const Commands& commands, Process before = {},
+                        const Progress& progress = {});
+/// Returns the same of a job.
+Process cut_process(const Job& job, const Commands& commands, const Progress& progress = {});
 
 /// Returns the warnings of the scene, then those of the cut.
 std::vector<std::string> warnings_of(const Job& job, const Cut& cut);

@@ -194,16 +194,6 @@ std::vector<program::SampleWindow> divide_into_windows(const Scene& scene,
   }
 }
 
-/// A program, or a segment of it, that the error-free machine runs with one tool.
-struct JobSegment {
-  Scene scene;
-  Machine machine;
-  program::Path path;
-  program::SampleOptions sampling;
-  program::Samples samples;
-  std::vector<Pose> T_wt;
-};
-
 std::vector<Pose> nominal_poses(const Machine& machine, const program::Samples& samples) {
   std::vector<Pose> T_wt(samples.states.size());
   tbb::parallel_for(std::size_t(0), T_wt.size(), [&](std::size_t i) {
@@ -212,18 +202,35 @@ std::vector<Pose> nominal_poses(const Machine& machine, const program::Samples& 
   return T_wt;
 }
 
-JobSegment make_segment(Scene scene, Machine machine, program::Path path,
+/// Returns a segment on the error-free machine, without its process.
+Segment nominal_segment(Scene scene, Machine machine, program::Path path,
                         program::SampleOptions sampling, program::Samples samples) {
   std::vector<Pose> T_wt = nominal_poses(machine, samples);
+  Truth truth{machine.nominal, {}, {}, {}, {}, {}};
+  return {.scene = std::move(scene),
+          .machine = std::move(machine),
+          .truth = std::move(truth),
+          .body_m = {},
+          .path = std::move(path),
+          .sampling = sampling,
+          .samples = std::move(samples),
+          .T_wt_nominal = std::move(T_wt),
+          .nominal_process = {},
+          .accelerations = {}};
+}
+
+/// Returns the same for samples whose axes must stay within their travel.
+Segment make_segment(Scene scene, Machine machine, program::Path path,
+                     program::SampleOptions sampling, program::Samples samples) {
   check_travel(machine, path, samples);
-  return {std::move(scene), std::move(machine), std::move(path),
-          sampling,         std::move(samples), std::move(T_wt)};
+  return nominal_segment(std::move(scene), std::move(machine), std::move(path), sampling,
+                         std::move(samples));
 }
 
 /// Samples a program and makes its segment.
 /// @param before  axis state before the program, for directions of approach
-JobSegment make_segment(Scene scene, program::Path path, const AxisState& last_state,
-                        const std::string& windows_obstacle = {}) {
+Segment make_segment(Scene scene, program::Path path, const AxisState& last_state,
+                     const std::string& windows_obstacle = {}) {
   Machine machine = make_machine(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
   sampling.before = last_state;
@@ -232,13 +239,13 @@ JobSegment make_segment(Scene scene, program::Path path, const AxisState& last_s
                       std::move(samples));
 }
 
-/// Returns the job segments of a program with several tools.
-std::vector<JobSegment> make_tool_segments(const Scene& described, const program::Path& path,
-                                           const ToolUse& use) {
+/// Returns the segments of a program with several tools.
+std::vector<Segment> make_tool_segments(const Scene& described, const program::Path& path,
+                                        const ToolUse& use) {
   const std::vector<ToolDescription> tools = all_tools(described);
-  std::vector<JobSegment> segments;
+  std::vector<Segment> segments;
   AxisState last_state;
-  for (const ToolSegment& tool_segment : use.stretches) {
+  for (const ToolSegment& tool_segment : use.segments) {
     Scene scene = with_run_out(select_tool(described, *tools[tool_segment.tool].number));
     // The thermal history precedes the first segment only.
     if (!segments.empty()) scene.signals.history_interval = 0.0;
@@ -251,9 +258,10 @@ std::vector<JobSegment> make_tool_segments(const Scene& described, const program
 }
 
 /// Joins the segments of several tools into one program, under the first tool of the scene.
-JobSegment joined(const Scene& scene, program::Path path, const std::vector<JobSegment>& segments,
-                  const ToolUse& use) {
-  JobSegment whole{scene, make_machine(scene), std::move(path), segments.front().sampling, {}, {}};
+Segment joined(const Scene& scene, program::Path path, const std::vector<Segment>& segments,
+               const ToolUse& use) {
+  Segment whole =
+      nominal_segment(scene, make_machine(scene), std::move(path), segments.front().sampling, {});
   for (std::size_t i = 0; i < segments.size(); ++i) {
     const program::Samples& part_samples = segments[i].samples;
     program::Samples& all_samples = whole.samples;
@@ -262,49 +270,33 @@ JobSegment joined(const Scene& scene, program::Path path, const std::vector<JobS
     all_samples.line.insert(all_samples.line.end(), part_samples.line.begin(),
                             part_samples.line.end());
     for (const int block : part_samples.block)
-      all_samples.block.push_back(block + int(use.stretches[i].first));
-    whole.T_wt.insert(whole.T_wt.end(), segments[i].T_wt.begin(), segments[i].T_wt.end());
+      all_samples.block.push_back(block + int(use.segments[i].first));
+    whole.T_wt_nominal.insert(whole.T_wt_nominal.end(), segments[i].T_wt_nominal.begin(),
+                              segments[i].T_wt_nominal.end());
   }
   return whole;
 }
 
-/// Returns the job of a segment, without warnings.
-Job make_job(JobSegment segment, Truth truth, cutting::Design design_w,
-             std::shared_ptr<const cutting::Design> body_m, Process process) {
-  std::vector<kinematics::AxisVector> acceleration;
+/// Completes a segment of the error-free machine.
+Segment with_truth(Segment segment, Truth truth, std::shared_ptr<const cutting::Design> body_m,
+                   Process process) {
   if (segment.scene.compliance && segment.scene.compliance->inertia)
-    acceleration = accelerations(segment.samples);
-  return {.scene = std::move(segment.scene),
-          .machine = std::move(segment.machine),
-          .truth = std::move(truth),
-          .design_w = std::move(design_w),
-          .body_m = std::move(body_m),
-          .body_w = {},
-          .recognised = {},
-          .facet_uncertainty = {},
-          .sampled = {},
-          .path = std::move(segment.path),
-          .sampling = segment.sampling,
-          .samples = std::move(segment.samples),
-          .T_wt_nominal = std::move(segment.T_wt),
-          .nominal_process = std::move(process),
-          .accelerations = std::move(acceleration),
-          .program_text = {},
-          .timing_s = {},
-          .unreached = {},
-          .warnings = {}};
+    segment.accelerations = accelerations(segment.samples);
+  segment.truth = std::move(truth);
+  segment.body_m = std::move(body_m);
+  segment.nominal_process = std::move(process);
+  return segment;
 }
 
 /// The segments of a program on the error-free machine, and their warnings.
 struct JobSegments {
-  JobSegment
-      whole;  // of a program in windows: all blocks, but only the samples of the first window
-  std::vector<JobSegment> by_tool;  // empty with one tool
+  Segment whole;  // of a program in windows: all blocks, but only the samples of the first window
+  std::vector<Segment> by_tool;  // empty with one tool
   std::vector<std::string> warnings;
   std::shared_ptr<const Windows> windows = {};
   std::vector<std::string> shank_warnings = {};  // of a program in windows
 
-  std::span<const JobSegment> parts() const {
+  std::span<const Segment> parts() const {
     return by_tool.empty() ? std::span(&whole, 1) : std::span(by_tool);
   }
 };
@@ -320,7 +312,7 @@ JobSegments prepare_windows(const Scene& scene, const program::Path& path,
   // The first window stays in memory while another is cut.
   sampling.max_samples = held / 2;
   Windows windows{divide_into_windows(scene, path, machine, sampling, progress), 0, 0, {}, {}};
-  std::optional<JobSegment> first;
+  std::optional<Segment> first;
   ShankContacts all_contacts;
   for (const program::SampleWindow& window : windows.all) {
     program::Path blocks = path_of(path, window);
@@ -335,9 +327,9 @@ JobSegments prepare_windows(const Scene& scene, const program::Path& path,
     // A later window begins with the last sample of the one before.
     windows.samples += samples.states.size() - (first ? 1 : 0);
     windows.max_window_samples = std::max(windows.max_window_samples, samples.states.size());
-    JobSegment segment =
-        make_segment(scene, machine, std::move(blocks), sampling, std::move(samples));
-    const ShankContacts contacts = shank_contacts(scene, design_w, {segment.samples, segment.T_wt});
+    Segment segment = make_segment(scene, machine, std::move(blocks), sampling, std::move(samples));
+    const ShankContacts contacts =
+        shank_contacts(scene, design_w, {segment.samples, segment.T_wt_nominal});
     all_contacts = first ? joined(all_contacts, contacts) : contacts;
     if (!first) first = std::move(segment);
   }
@@ -373,8 +365,8 @@ JobSegments prepare_single_tool(const Scene& scene, const program::Path& path,
 
 JobSegments prepare_tool_segments(const Scene& described, const Scene& scene,
                                   const program::Path& path, const ToolUse& use) {
-  std::vector<JobSegment> segments = make_tool_segments(described, path, use);
-  JobSegment whole = joined(scene, path, segments, use);
+  std::vector<Segment> segments = make_tool_segments(described, path, use);
+  Segment whole = joined(scene, path, segments, use);
   return {std::move(whole), std::move(segments), {}};
 }
 
@@ -396,7 +388,7 @@ JobSegments prepare_segments(const Scene& described, const Program& program,
   add_warnings(program.warnings, segments.warnings);
   add_warnings(program_warnings(scene, design_w, program.path, program.unreached),
                segments.warnings);
-  for (const JobSegment& segment : segments.parts())
+  for (const Segment& segment : segments.parts())
     for (const std::string& text : feed_warnings(segment.scene, segment.machine, segment.path))
       add_warnings(
           {segments.by_tool.empty() ? text
@@ -405,56 +397,66 @@ JobSegments prepare_segments(const Scene& described, const Program& program,
   add_warnings(pole_warnings(scene, segments.whole.machine, program.path), segments.warnings);
   add_warnings(segments.shank_warnings, segments.warnings);
   if (segments.windows) return segments;
-  for (const JobSegment& segment : segments.parts())
-    add_warnings(shank_warnings(segment.scene, shank_contacts(segment.scene, design_w,
-                                                              {segment.samples, segment.T_wt})),
-                 segments.warnings);
+  for (const Segment& segment : segments.parts())
+    add_warnings(
+        shank_warnings(segment.scene, shank_contacts(segment.scene, design_w,
+                                                     {segment.samples, segment.T_wt_nominal})),
+        segments.warnings);
   return segments;
 }
 
 }  // namespace
 
-std::span<const Job> job_parts(const Job& job) {
-  if (job.windows) throw std::logic_error("the segments of a job in windows are not stored");
-  return job.stretches.empty() ? std::span(&job, 1) : std::span<const Job>(job.stretches);
+std::span<const Segment> tool_segments(const Job& job) {
+  if (!job.segments.empty()) return job.segments;
+  return {static_cast<const Segment*>(&job), 1};
 }
 
-void visit_parts(const Job& job, const std::function<void(const Job& part)>& visit) {
+std::span<const Segment> job_segments(const Job& job) {
+  if (job.windows) throw std::logic_error("the segments of a job in windows are not stored");
+  return tool_segments(job);
+}
+
+void visit_segments(const Job& job, const std::function<void(const Segment& segment)>& visit) {
   if (!job.windows) {
-    std::ranges::for_each(job_parts(job), visit);
+    std::ranges::for_each(job_segments(job), visit);
     return;
   }
   for (std::size_t i = 0; i < job.windows->all.size(); ++i) visit(make_window(job, i));
 }
 
-Job make_window(const Job& job, std::size_t number) {
+Segment make_window(const Job& job, std::size_t number) {
   stop_if_interrupted();
   const program::SampleWindow& window = job.windows->all[number];
-  JobSegment segment{job.scene, job.machine, path_of(job.path, window), job.sampling, {}, {}};
+  program::Path path = path_of(job.path, window);
+  program::SampleOptions sampling = job.sampling;
+  sampling.continued_from = window.continued_from;
+  program::Samples samples = sample(path, job.machine.nominal, sampling);
+  Scene scene = job.scene;
   // The thermal history precedes the first window only.
-  if (number > 0) segment.scene.signals.history_interval = 0.0;
-  segment.sampling.continued_from = window.continued_from;
-  segment.samples = sample(segment.path, segment.machine.nominal, segment.sampling);
-  segment.T_wt = nominal_poses(segment.machine, segment.samples);
-  return make_job(std::move(segment), job.truth, {}, job.body_m, {});
+  if (number > 0) scene.signals.history_interval = 0.0;
+  return with_truth(
+      nominal_segment(std::move(scene), job.machine, std::move(path), sampling, std::move(samples)),
+      job.truth, job.body_m, {});
 }
 
-const program::Path& path_of(const Job& part, const Commands& commands) {
-  return commands.path ? *commands.path : part.path;
+const program::Path& path_of(const Segment& segment, const Commands& commands) {
+  return commands.path ? *commands.path : segment.path;
 }
 
-const std::vector<Pose>& target_poses(const Job& part, const Commands& commands) {
-  return commands.T_wt_nominal.empty() ? part.T_wt_nominal : commands.T_wt_nominal;
+const std::vector<Pose>& target_poses(const Segment& segment, const Commands& commands) {
+  return commands.T_wt_nominal.empty() ? segment.T_wt_nominal : commands.T_wt_nominal;
 }
 
-ToolRun tool_run(const Job& part) {
-  return {part.scene.tool, part.path, part.samples, part.T_wt_nominal, part.previous_use};
+ToolRun tool_run(const Segment& segment) {
+  return {segment.scene.tool, segment.path, segment.samples, segment.T_wt_nominal,
+          segment.previous_use};
 }
 
 std::vector<ToolRun> tool_runs(const Job& job) {
   std::vector<ToolRun> runs;
   if (job.windows) return runs;  // a scene with wear is never prepared in windows
-  for (const Job& part : job_parts(job)) runs.push_back(tool_run(part));
+  for (const Segment& segment : job_segments(job)) runs.push_back(tool_run(segment));
   return runs;
 }
 
@@ -473,16 +475,16 @@ void check_expected_work(const Scene& scene, const Part& part, const MemoryBudge
 
 /// Simulates the cut of the segments of a program, one after another, on the rigid, error-free
 /// machine.
-Process nominal_process(const cutting::Design& body_m, std::span<const JobSegment> segments,
+Process nominal_process(const cutting::Design& body_m, std::span<const Segment> segments,
                         const Progress& progress) {
   Process process;
   for (std::size_t i = 0; i < segments.size(); ++i) {
-    const JobSegment& segment = segments[i];
-    const auto pose = [&](std::size_t k, const errors::Load&) { return segment.T_wt[k]; };
+    const Segment& segment = segments[i];
+    const auto pose = [&](std::size_t k, const errors::Load&) { return segment.T_wt_nominal[k]; };
     append_part(simulate_process(
                     segment.scene, segment.machine, body_m,
-                    {segment.samples, segment.path, segment.T_wt, pose, segment.machine.nominal,
-                     segment.scene.tool.nominal},
+                    {segment.samples, segment.path, segment.T_wt_nominal, pose,
+                     segment.machine.nominal, segment.scene.tool.nominal},
                     [&](double fraction) {
                       if (progress)
                         progress("stock", (double(i) + fraction) / double(segments.size()));
@@ -512,7 +514,7 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
   report_begin("sample");
   JobSegments segments =
       prepare_segments(described, program, part.design_w, memory_budget, progress);
-  JobSegment& whole = segments.whole;
+  Segment& whole = segments.whole;
   std::vector<std::string>& warnings = segments.warnings;
   const double sample_s = watch.lap();
   check_field(scene, part.design_w);
@@ -524,18 +526,16 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
   // Heat needs the activity of the whole program, since every tool warms the same machine.
   const std::vector<errors::Activity> activities =
       activity(scene, whole.machine, whole.samples, process);
-  const auto make_part_job = [&](JobSegment segment, Process part_process) {
+  const auto complete = [&](Segment segment, Process segment_process) {
     Truth truth = make_truth(segment.scene, segment.machine, activities);
-    return make_job(std::move(segment), std::move(truth), part.design_w, body_m,
-                    std::move(part_process));
+    return with_truth(std::move(segment), std::move(truth), body_m, std::move(segment_process));
   };
-  Job job = make_part_job(std::move(whole), std::move(process));
-  for (JobSegment& segment : segments.by_tool)
-    job.stretches.push_back(
-        make_part_job(std::move(segment), part_process(job.nominal_process, job.stretches.size())));
-  const std::vector<FeedUse> previous_uses_by_part = previous_uses(tool_runs(job));
-  for (std::size_t i = 0; i < job.stretches.size(); ++i)
-    job.stretches[i].previous_use = previous_uses_by_part[i];
+  Job job{complete(std::move(whole), std::move(process)), part.design_w};
+  for (Segment& segment : segments.by_tool)
+    job.segments.push_back(
+        complete(std::move(segment), part_process(job.nominal_process, job.segments.size())));
+  const std::vector<FeedUse> uses = previous_uses(tool_runs(job));
+  for (std::size_t i = 0; i < job.segments.size(); ++i) job.segments[i].previous_use = uses[i];
   job.windows = std::move(segments.windows);
   job.body_w = std::make_shared<const cutting::WallThickness>(part.design_w);
   if (progress && job.windows)
@@ -564,22 +564,20 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
 
 namespace {
 
-/// Returns the job of one tool with the errors of another scene.
+/// Gives a segment the errors of another scene.
 /// @param activities  heat sources of the whole program
-Job with_errors(Job job, Scene scene, const std::vector<errors::Activity>& activities) {
+void set_errors(Segment& segment, Scene scene, const std::vector<errors::Activity>& activities) {
   Machine machine = make_machine(scene);
   const auto require = [&](bool is_equal, const char* what) {
     if (!is_equal)
       throw BadInput(scene.file.string(), 0, 0, fmt::format("the same {} in all cases", what),
                      "a different one");
   };
-  require(have_same_poses(machine.nominal, job.machine.nominal), "nominal machine");
-  require(is_as_dense(job.sampling, sample_options(scene, machine)), "sampling density");
-  Truth truth = make_truth(scene, machine, activities);
-  job.scene = std::move(scene);
-  job.machine = std::move(machine);
-  job.truth = std::move(truth);
-  return job;
+  require(have_same_poses(machine.nominal, segment.machine.nominal), "nominal machine");
+  require(is_as_dense(segment.sampling, sample_options(scene, machine)), "sampling density");
+  segment.truth = make_truth(scene, machine, activities);
+  segment.scene = std::move(scene);
+  segment.machine = std::move(machine);
 }
 
 }  // namespace
@@ -588,33 +586,36 @@ Job replace_errors(Job job, const Scene& described) {
   const Scene scene = with_run_out(described);
   const std::vector<errors::Activity> activities =
       activity(scene, make_machine(scene), job.samples, job.nominal_process);
-  for (Job& segment : job.stretches) {
-    Scene tool_scene = with_run_out(select_tool(described, *segment.scene.tool.number));
-    segment = with_errors(std::move(segment), std::move(tool_scene), activities);
-  }
-  return with_errors(std::move(job), scene, activities);
+  for (Segment& segment : job.segments)
+    set_errors(segment, with_run_out(select_tool(described, *segment.scene.tool.number)),
+               activities);
+  set_errors(job, scene, activities);
+  return job;
 }
 
-Eigen::Vector3d control_datum_offset(const Job& job, const Corrector& corrector) {
+Eigen::Vector3d control_datum_offset(const Segment& segment, const Corrector& corrector) {
   const auto actual_pose = [&](const kinematics::AxisState& state) {
-    return tool_in_workpiece(job.truth, state);
+    return tool_in_workpiece(segment.truth, state);
   };
   try {
-    return datum_offset(job.scene.datum, job.machine, actual_pose, corrector);
+    return datum_offset(segment.scene.datum, segment.machine, actual_pose, corrector);
   } catch (const std::out_of_range& range_error) {  // of an error table without extrapolation
-    const Node* datum = job.scene.tree ? job.scene.tree->find("datum") : nullptr;
+    const Node* datum = segment.scene.tree ? segment.scene.tree->find("datum") : nullptr;
     const SourcePosition place = datum ? datum->place : SourcePosition{};
-    throw BadInput(place.file ? *place.file : job.scene.file.string(), place.line, place.column,
+    throw BadInput(place.file ? *place.file : segment.scene.file.string(), place.line, place.column,
                    "errors that are defined at the datum", range_error.what());
   }
 }
 
+Commands segment_commands(const Segment& segment) {
+  return uncompensated_commands(segment.machine, segment.path, segment.samples,
+                                control_datum_offset(segment));
+}
+
 Commands uncompensated_commands(const Job& job) {
-  std::vector<Commands> parts;
-  for (const Job& part : job_parts(job))
-    parts.push_back(
-        uncompensated_commands(part.machine, part.path, part.samples, control_datum_offset(part)));
-  return joined(std::move(parts));
+  std::vector<Commands> commands;
+  for (const Segment& segment : job_segments(job)) commands.push_back(segment_commands(segment));
+  return joined(std::move(commands));
 }
 
 }  // namespace abbe::sim

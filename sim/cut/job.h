@@ -56,55 +56,65 @@ struct Windows {
   kinematics::AxisVector lower, upper;  ///< range in which the axes move
 };
 
-/// A compiled scene: everything that its cases share. Immutable after its preparation.
-struct Job {
-  Scene scene;
-  Machine machine;
+/// A range of a program that one tool runs: the whole program of a single tool, the blocks between
+/// two tool changes, or a window of either. Immutable after its preparation.
+struct Segment {
+  Scene scene;      ///< with the tool of the segment
+  Machine machine;  ///< to the tip of that tool
   Truth truth;
-  cutting::Design design_w;                       ///< in the workpiece frame, where it is judged
   std::shared_ptr<const cutting::Design> body_m;  ///< the design as loaded, part frame; a blank
                                                   ///< may be its offset
-  std::shared_ptr<const cutting::WallThickness> body_w;  ///< thickness of the part, which ends rays
-                                                         ///< through it
-  std::vector<cutting::AnalyticPatch> recognised;  ///< surfaces recognised in a mesh, part frame
-  double recognised_fraction = 0.0;                ///< fraction of the mesh area
-  Eigen::VectorXd facet_uncertainty;      ///< (first vertices of the design) mm, of a mesh, as by
-                                          ///< `cutting::facet_uncertainty`
-  std::optional<SampledSurface> sampled;  ///< set by `sampled`
-  program::Path path;                     ///< as read back from its file
+  program::Path path;                             ///< as read back from its file
   program::SampleOptions sampling;
   program::Samples samples;  ///< of the error-free machine; all cases use the same times
   std::vector<kinematics::Pose> T_wt_nominal;  ///< (samples) nominal pose of the tool
-  Process nominal_process;  ///< of the error-free, rigid machine; empty without [cutting]. A
-                            ///< segment has its steps without the stock
+  Process nominal_process;  ///< of the error-free, rigid machine; empty without [cutting]. One of
+                            ///< several segments has its steps without the stock
   std::vector<kinematics::AxisVector>
-      accelerations;         ///< (samples) empty unless the compliance has inertia
-  std::string program_text;  ///< text of a generated program, else empty; its name is path.file
-  std::map<std::string, double> timing_s;
-  program::UnreachedPoints unreached;  ///< passes that the generator had to leave out
-  std::vector<std::string> warnings;   ///< about the scene and its program, before anything is cut
-  /// Jobs of the segments of a program with several tools, in the order of the program. Each has
-  /// its tool, the machine to the tip of that tool, and its blocks and samples. Scene, machine and
-  /// truth of the outer job are those of the first tool of the scene. Empty with one tool.
-  std::vector<Job> stretches = {};
-  FaceGroups face_groups = {};  ///< of a mesh, for the regions of the part
-  FeedUse previous_use = {};    ///< of a segment: use of its tool in earlier segments
+      accelerations;          ///< (samples) empty unless the compliance has inertia
+  FeedUse previous_use = {};  ///< use of the tool in earlier segments
+};
+
+/// A compiled scene: the segment of its whole program, and what its segments and its cases share.
+/// With several tools, scene, machine and truth are those of the first tool of the scene.
+struct Job : Segment {
+  cutting::Design design_w = {};  ///< in the workpiece frame, where it is judged
+  std::shared_ptr<const cutting::WallThickness> body_w = {};  ///< thickness of the part, which ends
+                                                              ///< rays through it
+  std::vector<cutting::AnalyticPatch> recognised = {};  ///< surfaces recognised in a mesh, part
+                                                        ///< frame
+  double recognised_fraction = 0.0;                     ///< fraction of the mesh area
+  Eigen::VectorXd facet_uncertainty = {};  ///< (first vertices of the design) mm, of a mesh, as by
+                                           ///< `cutting::facet_uncertainty`
+  std::optional<SampledSurface> sampled = {};  ///< set by `sampled`
+  std::string program_text = {};  ///< text of a generated program, else empty; its name is
+                                  ///< path.file
+  std::map<std::string, double> timing_s = {};
+  program::UnreachedPoints unreached = {};  ///< passes that the generator had to leave out
+  std::vector<std::string> warnings = {};   ///< about the scene and its program, before anything is
+                                            ///< cut
+  std::vector<Segment> segments = {};  ///< of a program with several tools, in its order; empty
+                                       ///< with one tool
+  FaceGroups face_groups = {};         ///< of a mesh, for the regions of the part
   /// Windows of a program of one milling tool whose samples exceed the memory. `samples` and
   /// `T_wt_nominal` then have only the first window.
   std::shared_ptr<const Windows> windows = {};
 };
 
-/// Returns the jobs that are cut one after another: the segments of a job, or the job itself. The
-/// result refers to the job.
-/// @throws std::logic_error for a job in windows, whose parts are not held in memory
-std::span<const Job> job_parts(const Job& job);
+/// Returns a segment for each call of a tool, or the whole program of a single tool, whose samples
+/// are not all held in memory if the job has windows. The result refers to the job.
+std::span<const Segment> tool_segments(const Job& job);
 
-/// Calls `visit` for each part of a job in order. Windows are made one at a time.
-void visit_parts(const Job& job, const std::function<void(const Job& part)>& visit);
+/// Returns the same segments of a job without windows, with all their samples.
+/// @throws std::logic_error for a job in windows, whose segments are not held in memory
+std::span<const Segment> job_segments(const Job& job);
 
-/// Returns a window as a job of its own, without the design.
+/// Calls `visit` for each segment of a job in order. Windows are made one at a time.
+void visit_segments(const Job& job, const std::function<void(const Segment& segment)>& visit);
+
+/// Returns a window as a segment of its own.
 /// @param number  index in job.windows
-Job make_window(const Job& job, std::size_t number);
+Segment make_window(const Job& job, std::size_t number);
 
 /// Limit on the samples of a program held in memory.
 struct MemoryBudget {
@@ -116,14 +126,14 @@ struct MemoryBudget {
                                       ///< the error message for too many samples
 };
 
-/// Returns the program from which the commands of a part come.
-const program::Path& path_of(const Job& part, const Commands& commands);
+/// Returns the program from which the commands of a segment come.
+const program::Path& path_of(const Segment& segment, const Commands& commands);
 /// Returns (samples of the commands) the nominal poses of the tool.
-const std::vector<kinematics::Pose>& target_poses(const Job& part, const Commands& commands);
+const std::vector<kinematics::Pose>& target_poses(const Segment& segment, const Commands& commands);
 
-/// Returns the cut of a part of a job, for the wear of its tool. The result refers to the part.
-ToolRun tool_run(const Job& part);
-/// Returns the cuts of all parts of a job; empty for a job in windows. The results refer to the
+/// Returns the cut of a segment, for the wear of its tool. The result refers to the segment.
+ToolRun tool_run(const Segment& segment);
+/// Returns the cuts of all segments of a job; empty for a job in windows. The results refer to the
 /// job.
 std::vector<ToolRun> tool_runs(const Job& job);
 
@@ -146,10 +156,12 @@ Job replace_errors(Job job, const Scene& described);
 /// machine.
 /// @param corrector  corrects the commands while the datum is measured; none by default
 /// @return mm, workpiece frame
-Eigen::Vector3d control_datum_offset(const Job& job, const Corrector& corrector = {});
+Eigen::Vector3d control_datum_offset(const Segment& segment, const Corrector& corrector = {});
 
 /// Returns the commands of the actual control with its own kinematics and the datum that it
-/// measured, without a compensator. Of several tools each measures the datum.
+/// measured, without a compensator.
+Commands segment_commands(const Segment& segment);
+/// Returns the same commands of a whole job. Of several tools each measures the datum.
 Commands uncompensated_commands(const Job& job);
 
 /// Returns the sampling options of a scene. The chord tolerance holds up to the height to which the

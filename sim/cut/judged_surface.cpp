@@ -165,8 +165,8 @@ enum class ExclusionReason : std::uint8_t { NotExcluded, UnreachedPoints, Corner
 /// which that one does not. A turning tool counts as 0, since only its edge touches the part.
 double smallest_corner(const Job& job) {
   double smallest_radius = std::numeric_limits<double>::infinity();
-  for (const Job& part : job.windows ? std::span(&job, 1) : job_parts(job)) {
-    const auto* cutter = std::get_if<cutting::Cutter>(&part.scene.tool.nominal);
+  for (const Segment& segment : tool_segments(job)) {
+    const auto* cutter = std::get_if<cutting::Cutter>(&segment.scene.tool.nominal);
     smallest_radius = std::min(smallest_radius, cutter != nullptr ? cutter->corner_radius : 0.0);
   }
   return smallest_radius;

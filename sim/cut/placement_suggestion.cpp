@@ -26,10 +26,10 @@ bool overlaps(const Span& a, const Span& b) { return a.low <= b.high && b.low <=
 
 /// Returns the motion of a milling cutter in feed only. Between two feeds the cutter retracts to
 /// 10 m above the part, where it meets nothing, and its axis turns upwards.
-cutting::CutterMotion feed_motion(const Job& job) {
+cutting::CutterMotion feed_motion(const Segment& segment) {
   constexpr double clearance_height = 1e4;  // mm
-  const cutting::CutterMotion motion = cutter_motion(job.T_wt_nominal, job.samples);
-  const Eigen::Matrix3d R_wm = job.scene.part.T_wm.linear();
+  const cutting::CutterMotion motion = cutter_motion(segment.T_wt_nominal, segment.samples);
+  const Eigen::Matrix3d R_wm = segment.scene.part.T_wm.linear();
   std::vector<Vector3d> tip, axis;
   std::vector<Index> sample_numbers;
   const auto add = [&](Index i) {
@@ -45,7 +45,7 @@ cutting::CutterMotion feed_motion(const Job& job) {
     axis.back() = (axis.back() + R_wm.col(2)).norm() > 0.1 ? R_wm.col(2) : R_wm.col(0);
   };
   for (Index i = 1; i < motion.tip.rows(); ++i) {
-    if (!is_feed_sample(job.path, job.samples, std::size_t(i))) continue;
+    if (!is_feed_sample(segment.path, segment.samples, std::size_t(i))) continue;
     if (sample_numbers.empty() || sample_numbers.back() != i - 1) {
       if (!sample_numbers.empty()) add_far_above(sample_numbers.back());
       if (!sample_numbers.empty()) add_far_above(i - 1);
@@ -81,7 +81,7 @@ std::optional<double> feed_height(const Job& job, const cutting::Design& thinned
   rays.vertices.rowwise() += shift_w.transpose();
   rays.normals.rowwise() = job.scene.part.T_wm.linear().col(2).transpose();
   std::optional<double> height;
-  for (const Job& part : job_parts(job)) {
+  for (const Segment& part : job_segments(job)) {
     const cutting::CutterMotion motion =
         has_feed ? feed_motion(part) : cutter_motion(part.T_wt_nominal, part.samples);
     if (motion.tip.rows() == 0) continue;
@@ -161,7 +161,7 @@ class Displacement {
     return Vector3d(1.0, radial_b_.norm(), 0.0).asDiagonal();
   }
   /// Returns the displacement of the tool at a sample of a part of the job, mm, workpiece frame.
-  Vector3d at(const Job& part, std::size_t sample, const Vector3d& d) const {
+  Vector3d at(const Segment& part, std::size_t sample, const Vector3d& d) const {
     if (!is_turned_) return d;
     return d[0] * line_.direction_w + d[1] * (bed_in_workpiece(part, sample) * radial_b_);
   }
@@ -175,7 +175,7 @@ class Displacement {
   }
 
  private:
-  static Eigen::Matrix3d bed_in_workpiece(const Job& part, std::size_t sample) {
+  static Eigen::Matrix3d bed_in_workpiece(const Segment& part, std::size_t sample) {
     return part.machine.nominal.workpiece_in_bed(part.samples.states[sample].q)
         .linear()
         .transpose();
@@ -305,11 +305,11 @@ cutting::Design thin_out(cutting::Design design, std::ptrdiff_t max_judged) {
 namespace {
 
 /// Returns the positions of the rotary axes.
-std::vector<double> rotary_positions(const Job& job, std::size_t sample) {
+std::vector<double> rotary_positions(const Segment& segment, std::size_t sample) {
   std::vector<double> angles;
-  for (int j = 0; j < job.machine.nominal.size(); ++j)
-    if (job.machine.nominal.joints()[std::size_t(j)].motion == kinematics::Motion::Rotary)
-      angles.push_back(job.samples.states[sample].q[j]);
+  for (int j = 0; j < segment.machine.nominal.size(); ++j)
+    if (segment.machine.nominal.joints()[std::size_t(j)].motion == kinematics::Motion::Rotary)
+      angles.push_back(segment.samples.states[sample].q[j]);
   return angles;
 }
 
@@ -325,13 +325,18 @@ std::vector<std::vector<double>> feed_orientations(const Job& job, std::size_t m
   return orientations;
 }
 
+/// Keeps only those blocks of a segment in feed that run at the given rotary positions.
+void keep_feed_at(Segment& segment, const std::vector<double>& angles) {
+  for (std::size_t i = 0; i < segment.samples.block.size(); ++i)
+    if (rotary_positions(segment, i) != angles)
+      segment.path.blocks[std::size_t(segment.samples.block[i])].interpolation =
+          program::Interpolation::Rapid;
+}
+
 /// Returns the job with only those blocks in feed that run at the given rotary positions.
 Job keep_feed_at(Job job, const std::vector<double>& angles) {
-  for (std::size_t i = 0; i < job.samples.block.size(); ++i)
-    if (rotary_positions(job, i) != angles)
-      job.path.blocks[std::size_t(job.samples.block[i])].interpolation =
-          program::Interpolation::Rapid;
-  for (Job& segment : job.stretches) segment = keep_feed_at(std::move(segment), angles);
+  keep_feed_at(static_cast<Segment&>(job), angles);
+  for (Segment& segment : job.segments) keep_feed_at(segment, angles);
   return job;
 }
 
@@ -385,13 +390,13 @@ cutting::Surface ProgramShift::surface(const Vector3d& shift) const {
   }
   if (shift.isZero(0.0)) return sweep_.surface(thinned_w_);
   std::vector<std::vector<Pose>> poses;
-  for (const Job& part : job_parts(job_)) {
+  for (const Segment& part : job_segments(job_)) {
     poses.push_back(part.T_wt_nominal);
     for (std::size_t i = 0; i < poses.back().size(); ++i)
       poses.back()[i].translation() += displacement_.at(part, i, shift);
   }
   std::vector<ToolSweep> sweeps;
-  for (const Job& part : job_parts(job_))
+  for (const Segment& part : job_segments(job_))
     sweeps.push_back({part.scene.tool.nominal, part.samples, poses[sweeps.size()],
                       part.machine.nominal, part.machine.workpiece_spindle, part.path});
   return machined_surface(thinned_w_, sweeps, {.band = search_band_, .progress = {}});

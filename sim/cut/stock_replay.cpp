@@ -23,14 +23,15 @@ cutting::StockMove MillingSteps::move(std::size_t k) const {
   return {T_wt[k], T_wt[k + 1], line[k + 1], rapid[k + 1]};
 }
 
-MillingSteps make_milling_steps(const Job& part, const Commands& commands, const Process& process) {
+MillingSteps make_milling_steps(const Segment& segment, const Commands& commands,
+                                const Process& process) {
   const program::Samples& samples = commands.samples;
-  const program::Path& path = path_of(part, commands);
-  const auto& T_wt = target_poses(part, commands);
-  const auto& cutter = std::get<cutting::Cutter>(part.scene.tool.actual);
+  const program::Path& path = path_of(segment, commands);
+  const auto& T_wt = target_poses(segment, commands);
+  const auto& cutter = std::get<cutting::Cutter>(segment.scene.tool.actual);
   MillingSteps milling;
-  milling.at = milling_steps(samples, path, T_wt, part.scene.cutting->step, cutter.flank_length);
-  milling.T_wt = tool_poses(part, commands, process, milling.at);
+  milling.at = milling_steps(samples, path, T_wt, segment.scene.cutting->step, cutter.flank_length);
+  milling.T_wt = tool_poses(segment, commands, process, milling.at);
   for (const std::size_t i : milling.at) {
     milling.line.push_back(samples.line[i]);
     milling.rapid.push_back(is_rapid(samples, path, i));
@@ -42,15 +43,15 @@ namespace {
 
 /// Returns the steps of a turning program, with the poses of the tool relative to the part as if it
 /// did not turn.
-MillingSteps make_turning_steps(const Job& part, const Commands& commands, const Process& process,
-                                const SpindleLine& line) {
+MillingSteps make_turning_steps(const Segment& segment, const Commands& commands,
+                                const Process& process, const SpindleLine& line) {
   const program::Samples& samples = commands.samples;
-  const program::Path& path = path_of(part, commands);
-  const auto& T_wt = target_poses(part, commands);
-  const int spindle = *part.machine.workpiece_spindle;
+  const program::Path& path = path_of(segment, commands);
+  const auto& T_wt = target_poses(segment, commands);
+  const int spindle = *segment.machine.workpiece_spindle;
   MillingSteps turning;
   turning.at = turning_steps(samples, path, T_wt, spindle, line);
-  turning.T_wt = tool_poses(part, commands, process, turning.at);
+  turning.T_wt = tool_poses(segment, commands, process, turning.at);
   for (std::size_t k = 0; k < turning.at.size(); ++k) {
     const std::size_t i = turning.at[k];
     turning.T_wt[k] = slow_pose(line, samples.states[i].q[spindle], turning.T_wt[k]);
@@ -63,18 +64,20 @@ MillingSteps make_turning_steps(const Job& part, const Commands& commands, const
 }  // namespace
 
 StockReplay::StockReplay(const Job& job, const Commands& commands, const Process& process) {
-  for (const Job& part : job_parts(job)) {
+  for (const Segment& segment : job_segments(job)) {
     const std::size_t number = tools_.size();
     const Commands& part_command = part_commands(commands, number);
     const Process steps = part_process(process, number);
-    tools_.push_back(part.scene.tool.actual);
+    tools_.push_back(segment.scene.tool.actual);
     if (std::holds_alternative<cutting::Cutter>(tools_.back())) {
-      if (number == 0) stock_ = blank_stock(part.scene, make_blank(part.scene, *part.body_m));
-      milling_.push_back(make_milling_steps(part, part_command, steps));
+      if (number == 0)
+        stock_ = blank_stock(segment.scene, make_blank(segment.scene, *segment.body_m));
+      milling_.push_back(make_milling_steps(segment, part_command, steps));
     } else {
-      const SpindleLine line = spindle_line(part.truth.actual, *part.machine.workpiece_spindle);
-      if (number == 0) stock_ = turned_blank(part.scene, line);
-      milling_.push_back(make_turning_steps(part, part_command, steps, line));
+      const SpindleLine line =
+          spindle_line(segment.truth.actual, *segment.machine.workpiece_spindle);
+      if (number == 0) stock_ = turned_blank(segment.scene, line);
+      milling_.push_back(make_turning_steps(segment, part_command, steps, line));
     }
     for (std::size_t k = 0; k < milling_.back().moves(); ++k)
       moves_.push_back({part_command.samples.states[milling_.back().at[k + 1]].time_s, number, k});
@@ -152,18 +155,18 @@ struct WatchedBody {
   } last_sample = {};          // of the depth
 };
 
-/// Follows the stock through one part of a job and searches for collisions of bodies with it.
+/// Follows the stock through one segment and searches for collisions of bodies with it.
 class StockSearch {
  public:
   StockSearch(const ActualMotion& actual_motion, const std::vector<SolidBody>& bodies,
               const std::vector<cutting::BodyPair>& pairs, std::optional<cutting::Stock> before)
       : actual_motion_(actual_motion),
-        cutter_(std::get<cutting::Cutter>(actual_motion.part.scene.tool.actual)),
-        milling_(make_milling_steps(actual_motion.part, actual_motion.commands)),
-        initial_(
-            before ? *std::move(before)
-                   : blank_stock(actual_motion.part.scene,
-                                 make_blank(actual_motion.part.scene, *actual_motion.part.body_m))),
+        cutter_(std::get<cutting::Cutter>(actual_motion.segment.scene.tool.actual)),
+        milling_(make_milling_steps(actual_motion.segment, actual_motion.commands)),
+        initial_(before ? *std::move(before)
+                        : blank_stock(actual_motion.segment.scene,
+                                      make_blank(actual_motion.segment.scene,
+                                                 *actual_motion.segment.body_m))),
         stock_(initial_) {
     rebuild_mesh();
     for (const cutting::BodyPair& pair : pairs) add(bodies, pair);
@@ -171,7 +174,7 @@ class StockSearch {
       if (body.kind == Kind::Shank && has_own_radius(body)) own_shank_radius_ = mesh_radius(body);
     // Cutter and shank may rub on the surface that they have cut, so their cores are smaller by
     // `rubbing`.
-    for (const SolidBody& body : tool_bodies(actual_motion.part, cutting::rubbing))
+    for (const SolidBody& body : tool_bodies(actual_motion.segment, cutting::rubbing))
       if ((body.kind == Kind::Cutter || (body.kind == Kind::Shank && !has_own_radius(body))) &&
           !is_ignored_body(body.name))
         tool_bodies_.push_back(
@@ -276,7 +279,7 @@ class StockSearch {
   /// Returns the poses of all carriers in the workpiece frame at a step.
   std::vector<Pose> poses(std::size_t k) const {
     std::vector<Pose> T = actual_motion_.carriers({milling_.at[k], 0.0});
-    const Carriers carriers{actual_motion_.part.truth.actual.size()};
+    const Carriers carriers{actual_motion_.segment.truth.actual.size()};
     const Pose T_wb = T[std::size_t(carriers.workpiece())].inverse();
     for (Pose& T_carrier : T) T_carrier = T_wb * T_carrier;
     return T;
@@ -286,7 +289,7 @@ class StockSearch {
   /// @param u  fraction of the step, 0 .. 1
   Pose pose(int frame, std::size_t k, double u) const {
     const std::vector<Pose> T = actual_motion_.carriers(moment_in_step(k, u));
-    const Carriers carriers{actual_motion_.part.truth.actual.size()};
+    const Carriers carriers{actual_motion_.segment.truth.actual.size()};
     return T[std::size_t(carriers.workpiece())].inverse() * T[std::size_t(frame)];
   }
 
@@ -324,7 +327,7 @@ class StockSearch {
     return distance <= options().resolution ||
            cutting::is_inside(mesh_, Pose::Identity(), watched.body, T_w);
   }
-  const CollisionDescription& options() const { return actual_motion_.part.scene.collision; }
+  const CollisionDescription& options() const { return actual_motion_.segment.scene.collision; }
 
   /// Updates the mesh if stock was removed since it was built. Since stock only shrinks, the
   /// distance to an old mesh is a lower bound, and an update is needed only if it is small.
@@ -450,7 +453,7 @@ class StockSearch {
   }
 
   Collision event(const cutting::Moment& moment, const Vector3d& position_w) const {
-    const Carriers carriers{actual_motion_.part.truth.actual.size()};
+    const Carriers carriers{actual_motion_.segment.truth.actual.size()};
     const std::vector<Pose> T = actual_motion_.carriers(moment);
     return collision_at(actual_motion_, moment, T[std::size_t(carriers.workpiece())] * position_w);
   }
@@ -674,8 +677,9 @@ class StockSearch {
 
 }  // namespace
 
-bool has_tracked_stock(const Job& part) {
-  return part.scene.cutting && std::holds_alternative<cutting::Cutter>(part.scene.tool.actual);
+bool has_tracked_stock(const Segment& segment) {
+  return segment.scene.cutting &&
+         std::holds_alternative<cutting::Cutter>(segment.scene.tool.actual);
 }
 
 StockCollisions stock_collisions(const ActualMotion& actual_motion,

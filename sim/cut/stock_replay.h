@@ -25,11 +25,11 @@ struct MillingSteps {
   cutting::StockMove move(std::size_t k) const;  ///< from step k to k + 1
 };
 
-/// Returns the milling steps of a part of a job.
-/// @param part     with [cutting] and a milling cutter
+/// Returns the milling steps of a segment.
+/// @param segment  with [cutting] and a milling cutter
 /// @param process  gives the forces; empty: nothing deflects
 /// @throws BadInput if the motion leaves a table of the errors
-MillingSteps make_milling_steps(const Job& part, const Commands& commands,
+MillingSteps make_milling_steps(const Segment& segment, const Commands& commands,
                                 const Process& process = {});
 
 /// Repeats a cut move by move, with its poses and forces. After each move the stock equals that of
@@ -63,8 +63,8 @@ class StockReplay {
   std::size_t next_move_ = 0;
 };
 
-/// Returns true if the stock of a part is tracked: it has [cutting] and a milling cutter.
-bool has_tracked_stock(const Job& part);
+/// Returns true if the stock of a segment is tracked: it has [cutting] and a milling cutter.
+bool has_tracked_stock(const Segment& segment);
 
 /// The lower bound of the distance between a body and the stock in the blocks of some samples.
 struct StockProximity {

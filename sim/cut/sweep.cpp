@@ -168,9 +168,13 @@ Sweep sweep_in_windows(const Cutter& cutter, std::size_t windows,
           contacts};
 }
 
-ToolSweep segment_error_free_sweep(const Job& part) {
-  return {part.scene.tool.nominal,        part.samples, part.T_wt_nominal, part.machine.nominal,
-          part.machine.workpiece_spindle, part.path};
+ToolSweep segment_error_free_sweep(const Segment& segment) {
+  return {segment.scene.tool.nominal,
+          segment.samples,
+          segment.T_wt_nominal,
+          segment.machine.nominal,
+          segment.machine.workpiece_spindle,
+          segment.path};
 }
 
 Sweep error_free_sweep(const Job& job, const SurfaceOptions& options) {
@@ -178,16 +182,16 @@ Sweep error_free_sweep(const Job& job, const SurfaceOptions& options) {
   return sweep_in_windows(
       std::get<Cutter>(job.scene.tool.nominal), job.windows->all.size(),
       [&job](std::size_t number) {
-        Job part = make_window(job, number);
-        return SweptWindow{std::move(part.samples), std::move(part.T_wt_nominal),
-                           std::move(part.path)};
+        Segment window = make_window(job, number);
+        return SweptWindow{std::move(window.samples), std::move(window.T_wt_nominal),
+                           std::move(window.path)};
       },
       options);
 }
 
 std::vector<ToolSweep> error_free_sweeps(const Job& job) {
   std::vector<ToolSweep> sweeps;
-  for (const Job& part : job_parts(job)) sweeps.push_back(segment_error_free_sweep(part));
+  for (const Segment& part : job_segments(job)) sweeps.push_back(segment_error_free_sweep(part));
   return sweeps;
 }
 
@@ -294,30 +298,31 @@ std::array<PoseRange, 2> tool_range(const cutting::Nose& nose, const SpindleLine
   return ranges;
 }
 
-/// Extends ranges by the poses of a part of a job.
+/// Extends ranges by the poses of a segment.
 /// @param has_feed  false: no block of the job feeds, and every move counts as feed
-void extend_with_job(SweptSpans& swept, const Job& job, bool has_feed) {
-  const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal);
-  const auto* nose = std::get_if<cutting::Nose>(&job.scene.tool.nominal);
+void extend(SweptSpans& swept, const Segment& segment, bool has_feed) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&segment.scene.tool.nominal);
+  const auto* nose = std::get_if<cutting::Nose>(&segment.scene.tool.nominal);
   std::optional<SpindleLine> spindle;
-  if (nose != nullptr) spindle = spindle_line(job.machine.nominal, *job.machine.workpiece_spindle);
-  const Pose T_mw = job.scene.part.T_wm.inverse();
-  const std::size_t sample_count = job.T_wt_nominal.size();
+  if (nose != nullptr)
+    spindle = spindle_line(segment.machine.nominal, *segment.machine.workpiece_spindle);
+  const Pose T_mw = segment.scene.part.T_wm.inverse();
+  const std::size_t sample_count = segment.T_wt_nominal.size();
   const auto is_feed_sample_at = [&](std::size_t i) {
-    return is_feed_sample(job.path, job.samples, i);
+    return is_feed_sample(segment.path, segment.samples, i);
   };
   for (std::size_t i = 0; i < sample_count; ++i) {
     // A feed begins at the last sample of the block before it.
     const bool is_feed_start =
         has_feed && !is_feed_sample_at(i) && i + 1 < sample_count && is_feed_sample_at(i + 1);
     const bool in_feed = !has_feed || is_feed_start || is_feed_sample_at(i);
-    const int line = job.samples.line[is_feed_start ? i + 1 : i];
+    const int line = segment.samples.line[is_feed_start ? i + 1 : i];
     if (cutter != nullptr) {
-      const Pose T_mt = T_mw * job.T_wt_nominal[i];
+      const Pose T_mt = T_mw * segment.T_wt_nominal[i];
       for (int k = 0; k < 3; ++k)
         extend(swept, std::size_t(k), tool_range(*cutter, T_mt, k), line, in_feed);
     } else {
-      const auto ranges = tool_range(*nose, *spindle, job.T_wt_nominal[i]);
+      const auto ranges = tool_range(*nose, *spindle, segment.T_wt_nominal[i]);
       for (std::size_t k = 0; k < 2; ++k) extend(swept, k, ranges[k], line, in_feed);
     }
   }
@@ -329,7 +334,7 @@ SweptSpans swept_spans(const Job& job) {
   const bool has_feed =
       std::any_of(job.path.blocks.begin(), job.path.blocks.end(), program::is_feed);
   SweptSpans swept;
-  visit_parts(job, [&](const Job& part) { extend_with_job(swept, part, has_feed); });
+  visit_segments(job, [&](const Segment& segment) { extend(swept, segment, has_feed); });
   return swept;
 }
 

@@ -58,12 +58,12 @@ Sweep sweep_in_windows(const cutting::Cutter& cutter, std::size_t windows,
                        const std::function<SweptWindow(std::size_t number)>& window,
                        const cutting::SurfaceOptions& options);
 
-/// Returns the sweeps of the parts of a job on the error-free machine. They refer to the job.
-/// @throws std::logic_error as `parts_of`
+/// Returns the sweeps of the segments of a job on the error-free machine. They refer to the job.
+/// @throws std::logic_error as `job_segments`
 std::vector<ToolSweep> error_free_sweeps(const Job& job);
 
-/// Returns the error-free sweep of a part of a job.
-ToolSweep segment_error_free_sweep(const Job& part);
+/// Returns the error-free sweep of a segment.
+ToolSweep segment_error_free_sweep(const Segment& segment);
 
 /// Returns the error-free sweep of a whole job, in windows if the job has windows. It refers to the
 /// job.

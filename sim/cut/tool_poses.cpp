@@ -19,10 +19,11 @@ using kinematics::Pose;
 
 Pose actual_pose(const ActualRun& run, std::size_t sample, errors::Load load) {
   if (!run.acceleration.empty()) load.acceleration = run.acceleration[sample];
-  Pose T_wt = tool_in_workpiece(run.job.truth, run.commands.samples.states[sample], load);
+  Pose T_wt = tool_in_workpiece(run.segment.truth, run.commands.samples.states[sample], load);
   // Wear of the length moves the tip towards the spindle.
   if (!run.wear.empty())
-    T_wt.translation() += run.wear[sample] * run.job.scene.tool.wear->length * T_wt.linear().col(2);
+    T_wt.translation() +=
+        run.wear[sample] * run.segment.scene.tool.wear->length * T_wt.linear().col(2);
   if (const auto& piezo = run.commands.piezo) {
     const Eigen::Vector3d& along_t = piezo->piezo.direction_t;
     const double force = along_t.dot(load.tool_wrench_t.head<3>());
@@ -35,7 +36,7 @@ Pose actual_pose(const ActualRun& run, std::size_t sample, errors::Load load) {
 
 std::vector<errors::Load> sample_loads(const ActualRun& run, const Process& process) {
   // Without compliance and piezo a load moves nothing.
-  if (!run.job.truth.compliance && !run.commands.piezo) return {};
+  if (!run.segment.truth.compliance && !run.commands.piezo) return {};
   if (process.steps.empty() && run.acceleration.empty()) return {};
   const auto& states = run.commands.samples.states;
   std::vector<errors::Load> loads(states.size());
@@ -46,10 +47,10 @@ std::vector<errors::Load> sample_loads(const ActualRun& run, const Process& proc
   return loads;
 }
 
-ActualRun actual_run(const Job& job, const Commands& commands) {
-  ActualRun run{job, commands, target_poses(job, commands)};
-  if (!job.accelerations.empty()) run.acceleration = accelerations(commands.samples);
-  run.wear = wear_fractions(tool_run(job), commands.samples);
+ActualRun actual_run(const Segment& segment, const Commands& commands) {
+  ActualRun run{segment, commands, target_poses(segment, commands)};
+  if (!segment.accelerations.empty()) run.acceleration = accelerations(commands.samples);
+  run.wear = wear_fractions(tool_run(segment), commands.samples);
   return run;
 }
 
@@ -64,11 +65,11 @@ std::vector<Pose> actual_poses(const ActualRun& run, const std::vector<errors::L
   return T_wt;
 }
 
-std::vector<Pose> tool_poses(const Job& job, const Commands& commands, const Process& process,
-                             std::span<const std::size_t> sample_numbers) {
-  const ActualRun run = actual_run(job, commands);
+std::vector<Pose> tool_poses(const Segment& segment, const Commands& commands,
+                             const Process& process, std::span<const std::size_t> sample_numbers) {
+  const ActualRun run = actual_run(segment, commands);
   return check_table_range(
-      job, [&] { return actual_poses(run, sample_loads(run, process), sample_numbers); });
+      segment, [&] { return actual_poses(run, sample_loads(run, process), sample_numbers); });
 }
 
 ToolTrack join_tracks(const std::vector<TrackedPart>& parts) {
@@ -122,19 +123,19 @@ struct ToolDeviation {
 
 // Samples the deviations of the tool.
 struct ErrorSampler {
-  const Job& job;
+  const Segment& segment;
   double height;  ///< of the point above the tip, mm
 
   /// Returns the deviations at an axis state in the workpiece frame, or in the bed frame if a
   /// spindle turns the part, since the sweep turns with the part.
   ToolDeviation at(const AxisState& state) const {
-    const kinematics::Chain& chain = job.machine.nominal;
+    const kinematics::Chain& chain = segment.machine.nominal;
     const Pose nominal = chain.tool_in_workpiece(state.q);
-    const Pose actual = tool_in_workpiece(job.truth, state);
+    const Pose actual = tool_in_workpiece(segment.truth, state);
     const Vector3d above = height * Vector3d::UnitZ();
     const ToolDeviation deviation{actual.translation() - nominal.translation(),
                                   actual * above - nominal * above};
-    if (!job.machine.workpiece_spindle) return deviation;
+    if (!segment.machine.workpiece_spindle) return deviation;
     const Eigen::Matrix3d R_bw = chain.workpiece_in_bed(state.q).linear();
     return {R_bw * deviation.tip, R_bw * deviation.above};
   }
@@ -195,15 +196,16 @@ std::vector<std::size_t> random_subset(const std::vector<std::size_t>& numbers,
 
 }  // namespace
 
-ChordError chord_error(const Job& job, const Commands& commands, std::size_t max_intervals) {
+ChordError chord_error(const Segment& segment, const Commands& commands,
+                       std::size_t max_intervals) {
   const program::Samples& samples = commands.samples;
-  const kinematics::Chain& nominal = job.machine.nominal;
-  const ErrorSampler sampler{job, sample_options(job.scene, job.machine).reach};
+  const kinematics::Chain& nominal = segment.machine.nominal;
+  const ErrorSampler sampler{segment, sample_options(segment.scene, segment.machine).reach};
   ChordError result;
   // The numerical floor of a map is below 1 nm.
-  result.tolerance = std::max(2.0 * units::nm, job.scene.chord_tolerance);
-  for (const std::size_t i :
-       random_subset(feed_ends(samples, path_of(job, commands)), max_intervals, job.scene.seed)) {
+  result.tolerance = std::max(2.0 * units::nm, segment.scene.chord_tolerance);
+  for (const std::size_t i : random_subset(feed_ends(samples, path_of(segment, commands)),
+                                           max_intervals, segment.scene.seed)) {
     const AxisState &from = samples.states[i - 1], &to = samples.states[i];
     const double deviation = chord_deviation(sampler, from, to);
     ++result.interval_count;

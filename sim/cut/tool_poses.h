@@ -14,25 +14,25 @@ namespace abbe::sim {
 /// Returns the result of `action`. Throws an input error of the scene if the motion leaves an error
 /// table.
 template <typename Action>
-auto check_table_range(const Job& job, const Action& action) {
+auto check_table_range(const Segment& segment, const Action& action) {
   try {
     return action();
   } catch (const std::out_of_range& range_error) {
-    throw BadInput(job.scene.file.string(), 0, 0, "a program within the error tables",
+    throw BadInput(segment.scene.file.string(), 0, 0, "a program within the error tables",
                    range_error.what());
   }
 }
 
 /// A commanded program on the machine with errors. Holds references to its arguments.
 struct ActualRun {
-  const Job& job;
+  const Segment& segment;
   const Commands& commands;
   const std::vector<kinematics::Pose>& T_wt_target;
   std::vector<kinematics::AxisVector> acceleration = {};  ///< (samples) empty without inertia
   std::vector<double> wear = {};  ///< (samples) fraction of the stated wear; empty without wear
 };
 /// Prepares the run of commands, with accelerations and wear.
-ActualRun actual_run(const Job& job, const Commands& commands);
+ActualRun actual_run(const Segment& segment, const Commands& commands);
 
 /// Returns the actual pose T_wt of the tool at a sample under a cutting load.
 kinematics::Pose actual_pose(const ActualRun& run, std::size_t sample, errors::Load load);
@@ -51,7 +51,7 @@ std::vector<kinematics::Pose> actual_poses(const ActualRun& run,
 /// @param process         gives the forces; empty for none
 /// @param sample_numbers  empty: all samples
 /// @throws BadInput if the motion leaves a table of the errors
-std::vector<kinematics::Pose> tool_poses(const Job& job, const Commands& commands,
+std::vector<kinematics::Pose> tool_poses(const Segment& segment, const Commands& commands,
                                          const Process& process,
                                          std::span<const std::size_t> sample_numbers = {});
 
@@ -67,14 +67,14 @@ struct ToolTrack {
   Rows actual_direction;   ///< (n x 3)
 };
 
-/// A part of a job with its nominal and actual poses.
+/// A segment with its nominal and actual poses.
 struct TrackedPart {
   const program::Samples& samples;
   const std::vector<kinematics::Pose>& T_wt_nominal;  ///< (samples)
   const std::vector<kinematics::Pose>& T_wt;          ///< (samples)
 };
 
-/// Joins the tracks of the parts of a job, in order of time.
+/// Joins the tracks of the segments of a job, in order of time.
 ToolTrack join_tracks(const std::vector<TrackedPart>& parts);
 
 /// Returns a track in the part frame.
@@ -101,10 +101,10 @@ inline constexpr std::size_t default_interval_count = 1000;
 /// it compares the deviations of the tip, and of the tool at the height up to which it cuts, with
 /// the line between those at the samples. Loads, and intervals over which an axis reverses, are
 /// left out. An error that bends the path in a few intervals of very many may be missed.
-ChordError chord_error(const Job& job, const Commands& commands,
+ChordError chord_error(const Segment& segment, const Commands& commands,
                        std::size_t max_intervals = default_interval_count);
 
-/// Joins the chord errors of two parts.
+/// Joins the chord errors of two segments.
 ChordError joined(const ChordError& a, const ChordError& b);
 
 /// Returns the warning about a chord error beyond 50 nm, the tolerance, and a hundredth of the

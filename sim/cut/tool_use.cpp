@@ -119,13 +119,13 @@ ToolUse several_tool_use(const program::Path& path, std::span<const ToolDescript
       calls.empty() || !use.warnings.empty() ? 0 : described_tool(path, calls.front(), tools);
   std::size_t first = 0;
   for (const program::ToolCall& call : calls) {
-    add(use.stretches, {tool, first, call.before});
+    add(use.segments, {tool, first, call.before});
     tool = described_tool(path, call, tools);
     first = call.before;
     is_called[tool] = true;
   }
-  add(use.stretches, {tool, first, path.blocks.size()});
-  for (const ToolSegment& segment : use.stretches)
+  add(use.segments, {tool, first, path.blocks.size()});
+  for (const ToolSegment& segment : use.segments)
     for (std::string& text : length_warnings(path, segment, *tools[segment.tool].number))
       use.warnings.push_back(std::move(text));
   if (calls.empty())

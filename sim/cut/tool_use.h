@@ -22,7 +22,7 @@ struct ToolSegment {
 
 /// The segments of a program by tool, and the warnings about them.
 struct ToolUse {
-  std::vector<ToolSegment> stretches;  ///< all blocks, in their order
+  std::vector<ToolSegment> segments;  ///< all blocks, in their order
   std::vector<std::string> warnings;
 };
 

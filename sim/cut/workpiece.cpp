@@ -12,9 +12,9 @@ namespace {
 
 /// Returns the commands after the filter, tool by tool.
 Commands filtered(Commands commands, const CommandFilter& filter) {
-  if (!commands.stretches.empty()) {
-    for (Commands& part : commands.stretches) part = filtered(std::move(part), filter);
-    return joined(std::move(commands.stretches));
+  if (!commands.segments.empty()) {
+    for (Commands& part : commands.segments) part = filtered(std::move(part), filter);
+    return joined(std::move(commands.segments));
   }
   std::vector<kinematics::AxisState>& states = commands.samples.states;
   const std::size_t count = states.size();

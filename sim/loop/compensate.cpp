@@ -33,10 +33,11 @@ Process without_stock(const Process& process) { return {process.steps, {}, {}, {
 
 }  // namespace
 
-compensation::Belief perfect_belief(const Job& job, PredictedRun run) {
-  return [expected_truth = without_random_errors(job.truth), &job,
+compensation::Belief perfect_belief(const Segment& segment, PredictedRun run) {
+  return [expected_truth = without_random_errors(segment.truth), &segment,
           run = std::move(run)](const AxisState& state) {
-    return tool_in_workpiece(expected_truth, state, predicted_load(job.samples, run, state.time_s));
+    return tool_in_workpiece(expected_truth, state,
+                             predicted_load(segment.samples, run, state.time_s));
   };
 }
 
@@ -44,25 +45,25 @@ compensation::Belief perfect_belief(const Job& job, PredictedRun run) {
 // forces of the nominal program and the cutting forces of the rigid machine. In the next ones both
 // follow the corrected commands. Each iteration changes them by some hundredths of the previous
 // change.
-Corrector perfect_corrector(const Job& job, const ControlView& view,
+Corrector perfect_corrector(const Segment& segment, const ControlView& view,
                             const CaseDescription& compensator, const Process& before) {
   constexpr int max_iterations = 3;
-  PredictedRun run{without_stock(job.nominal_process), job.accelerations};
-  Corrector corrector = belief_corrector(view, compensator, perfect_belief(job, run));
-  const bool has_bending = job.truth.compliance && !job.nominal_process.steps.empty();
-  const bool has_inertia = !job.accelerations.empty();
+  PredictedRun run{without_stock(segment.nominal_process), segment.accelerations};
+  Corrector corrector = belief_corrector(view, compensator, perfect_belief(segment, run));
+  const bool has_bending = segment.truth.compliance && !segment.nominal_process.steps.empty();
+  const bool has_inertia = !segment.accelerations.empty();
   if (!has_bending && !has_inertia) return corrector;
-  Commands commands = uncompensated_commands(job);
+  Commands commands = segment_commands(segment);
   const std::vector<AxisState> uncorrected = commands.samples.states;
   for (int iteration = has_inertia ? 0 : max_iterations - 1; iteration < max_iterations;
        ++iteration) {
-    commands.samples.states = corrector(uncorrected, job.T_wt_nominal).states;
+    commands.samples.states = corrector(uncorrected, segment.T_wt_nominal).states;
     if (has_inertia) run.accelerations = accelerations(commands.samples);
     // The simulated cut takes most of the time, so it is repeated only once, with nearly final
     // commands.
     if (has_bending && iteration + 1 == max_iterations)
-      run.process = without_stock(cut_process(job, commands, {}, before));
-    corrector = belief_corrector(view, compensator, perfect_belief(job, run));
+      run.process = without_stock(segment_process(segment, commands, before));
+    corrector = belief_corrector(view, compensator, perfect_belief(segment, run));
   }
   return corrector;
 }
@@ -124,13 +125,13 @@ TrainingRun training_run(const BeliefDescription::Force& force,
 
 /// Returns the load of the cut, simulated on a believed machine with the design and the nominal
 /// tool.
-compensation::LoadSeries simulate_load(const Job& job, const Commands& commands,
-                                       const BelievedPose& pose) {
-  const Scene& scene = job.scene;
-  const auto& T_wt = target_poses(job, commands);
+compensation::LoadSeries simulate_load(const Job& job, const Segment& segment,
+                                       const Commands& commands, const BelievedPose& pose) {
+  const Scene& scene = segment.scene;
+  const auto& T_wt = target_poses(segment, commands);
   const Process process = simulate_process(
-      scene, job.machine, cutting::transformed(job.design_w, scene.part.T_wm.inverse()),
-      {commands.samples, path_of(job, commands), T_wt, pose, job.machine.control,
+      scene, segment.machine, cutting::transformed(job.design_w, scene.part.T_wm.inverse()),
+      {commands.samples, path_of(segment, commands), T_wt, pose, segment.machine.control,
        scene.tool.nominal});
   compensation::LoadSeries series{VectorXd(Index(process.steps.size())), {}};
   for (std::size_t i = 0; i < process.steps.size(); ++i) {
@@ -145,7 +146,7 @@ compensation::LoadSeries simulate_load(const Job& job, const Commands& commands,
 /// @param what     the function, for the message
 void require_single_tool(const Job& job, const CaseDescription& compensator, bool is_used,
                          const char* what) {
-  if (!job.stretches.empty() && is_used)
+  if (!job.segments.empty() && is_used)
     throw BadInput(job.scene.file.string(), 0, 0, fmt::format("a single tool for {}", what),
                    fmt::format("{} tools and the case {}", 1 + job.scene.additional_tools.size(),
                                compensator.name));
@@ -167,19 +168,19 @@ void check_tool_count(const Job& job, const CaseDescription& compensator) {
                       "the belief force, which follows the cut of one tool");
 }
 
-/// Returns true if the correction of a later tool depends on the stock that a part leaves: forces
-/// bend the machine, or a plug-in reads the signals of the cut.
-bool follows_stock(const Job& part, const CaseDescription& compensator) {
-  if (!part.scene.cutting) return false;
+/// Returns true if the correction of a later tool depends on the stock that a segment leaves:
+/// forces bend the machine, or a plug-in reads the signals of the cut.
+bool follows_stock(const Segment& segment, const CaseDescription& compensator) {
+  if (!segment.scene.cutting) return false;
   return !compensator.plug_in.empty() || (compensator.belief == CaseDescription::Belief::Perfect &&
-                                          part.truth.compliance.has_value());
+                                          segment.truth.compliance.has_value());
 }
 
 /// Returns the corrected commands from which a program is written. The written program follows them
 /// within the path tolerance, which changes the stock by less than its dexels resolve.
-Commands ideal_commands(const Job& part, const CorrectedProgram& corrected) {
+Commands ideal_commands(const Segment& segment, const CorrectedProgram& corrected) {
   Commands commands;
-  commands.samples = part.samples;
+  commands.samples = segment.samples;
   commands.samples.states = corrected.ideal.states;
   return commands;
 }
@@ -190,10 +191,10 @@ CaseDescription::Channel channel_of(const Scene& scene, const CaseDescription& c
   return compensator.plug_in.empty() ? compensator.channel : scene.compensation.plug_in.channel;
 }
 
-ControlView make_control_view(const Job& job) {
-  const Scene& scene = job.scene;
+ControlView make_control_view(const Job& job, const Segment& segment) {
+  const Scene& scene = segment.scene;
   return {scene.file,
-          job.machine,
+          segment.machine,
           {scene.tool.name, scene.tool.length, scene.tool.nominal},
           scene.datum,
           scene.belief,
@@ -201,22 +202,22 @@ ControlView make_control_view(const Job& job) {
           scene.seed,
           scene.chord_tolerance,
           scene.cutting.has_value(),
-          nc_options(scene, job.machine),
-          sample_options(scene, job.machine),
-          job.path,
-          job.samples,
-          job.T_wt_nominal,
+          nc_options(scene, segment.machine),
+          sample_options(scene, segment.machine),
+          segment.path,
+          segment.samples,
+          segment.T_wt_nominal,
           job.design_w};
 }
 
-MachineAccess make_machine_access(const Job& job, const Process& before) {
+MachineAccess make_machine_access(const Job& job, const Segment& segment, const Process& before) {
   MachineAccess machine_access;
-  machine_access.touch_off = [&job](const Corrector& corrector) {
-    return control_datum_offset(job, corrector);
+  machine_access.touch_off = [&segment](const Corrector& corrector) {
+    return control_datum_offset(segment, corrector);
   };
   machine_access.run = [&](const Commands& commands, bool through_blank) {
-    return control_log(job, commands,
-                       through_blank ? cut_process(job, commands, {}, before) : Process{});
+    return control_log(segment, commands,
+                       through_blank ? segment_process(segment, commands, before) : Process{});
   };
   machine_access.measure_cut_part = [&job](const Commands& commands, int pass) {
     return cut_and_measure(job, commands, pass);
@@ -225,11 +226,11 @@ MachineAccess make_machine_access(const Job& job, const Process& before) {
     return training_run(*job.scene.belief.force, job.scene.trusted);
   };
   machine_access.error_free = [&job] { return cut_error_free(job).surface; };
-  machine_access.simulate_load = [&job](const Commands& commands, const BelievedPose& pose) {
-    return simulate_load(job, commands, pose);
+  machine_access.simulate_load = [&](const Commands& commands, const BelievedPose& pose) {
+    return simulate_load(job, segment, commands, pose);
   };
   machine_access.perfect = [&](const ControlView& view, const CaseDescription& compensator) {
-    return perfect_corrector(job, view, compensator, before);
+    return perfect_corrector(segment, view, compensator, before);
   };
   machine_access.check_trusted = [&job](const std::filesystem::path& program) {
     check_trusted(job.scene, program);
@@ -237,22 +238,22 @@ MachineAccess make_machine_access(const Job& job, const Process& before) {
   return machine_access;
 }
 
-compensation::ControlLog control_log(const Job& job, const Commands& commands,
+compensation::ControlLog control_log(const Segment& segment, const Commands& commands,
                                      const Process& process) {
-  Scene scene = job.scene;
+  Scene scene = segment.scene;
   // The control reads the same history for any interval that the scene reports.
   if (!(scene.signals.history_interval > 0.0 &&
         scene.signals.history_interval < history_interval_s))
     scene.signals.history_interval = history_interval_s;
   std::vector<errors::Load> loads;
-  const auto& T_wt = target_poses(job, commands);
+  const auto& T_wt = target_poses(segment, commands);
   const Signals recorded =
-      signals(scene, job.machine, job.truth, {commands.samples, T_wt, process, loads});
+      signals(scene, segment.machine, segment.truth, {commands.samples, T_wt, process, loads});
   compensation::ControlLog log;
   std::vector<Index> columns;
   for (std::size_t k = 0; k < recorded.columns.size(); ++k) {
     if (recorded.columns[k] == "time_s") log.time_s = recorded.rows.col(Index(k));
-    if (!is_readable(job.scene, recorded.columns[k])) continue;
+    if (!is_readable(segment.scene, recorded.columns[k])) continue;
     // If a sensor and a node have columns of the same name, the sensor's comes later. Only the
     // sensor can be read.
     if (const auto same_name = std::find(log.names.begin(), log.names.end(), recorded.columns[k]);
@@ -270,34 +271,35 @@ compensation::ControlLog control_log(const Job& job, const Commands& commands,
 LearnedCorrection learn_correction(const Job& job, const CaseDescription& compensator,
                                    const Progress& progress) {
   require_single_tool(job, compensator, true, "tables, which apply to the tip of one tool");
-  return learn_correction(make_control_view(job), make_machine_access(job, {}), compensator,
-                          progress);
+  return learn_correction(make_control_view(job, job), make_machine_access(job, job, {}),
+                          compensator, progress);
 }
 
 Commands compensate(const Job& job, const CaseDescription& compensator, const Progress& progress) {
   check_tool_count(job, compensator);
   const bool rewrites = channel_of(job.scene, compensator) == CaseDescription::Channel::Program;
-  const auto parts = job_parts(job);
-  std::vector<Commands> part_commands;
+  const auto segments = job_segments(job);
+  std::vector<Commands> commands_by_segment;
   std::vector<ControlView> views;
   std::vector<CorrectedProgram> corrected;
   Process stock;  // that the tools so far have left
-  for (const Job& part : parts) {
-    views.push_back(make_control_view(part));
-    const MachineAccess machine_access = make_machine_access(part, stock);
+  for (const Segment& segment : segments) {
+    views.push_back(make_control_view(job, segment));
+    const MachineAccess machine_access = make_machine_access(job, segment, stock);
     if (rewrites)
       corrected.push_back(corrected_program(views.back(), machine_access, compensator, progress));
     else
-      part_commands.push_back(
+      commands_by_segment.push_back(
           compensated_commands(views.back(), machine_access, compensator, progress));
-    if (&part != &parts.back() && follows_stock(part, compensator)) {
-      Process process = cut_process(
-          part, rewrites ? ideal_commands(part, corrected.back()) : part_commands.back(), {},
+    if (&segment != &segments.back() && follows_stock(segment, compensator)) {
+      Process process = segment_process(
+          segment,
+          rewrites ? ideal_commands(segment, corrected.back()) : commands_by_segment.back(),
           take_stock(stock));
       stock = take_stock(process);
     }
   }
-  if (!rewrites) return joined(std::move(part_commands));
+  if (!rewrites) return joined(std::move(commands_by_segment));
   return run_corrected_program(views, corrected, job.path, nc_options(job.scene, job.machine));
 }
 
@@ -305,14 +307,14 @@ namespace {
 
 /// Cuts a job in windows. The correction is learned once and is applied to every window.
 Cut cut_in_windows(const Job& job, const CaseDescription& compensator, const Progress& progress) {
-  const ControlView view = make_control_view(job);
+  const ControlView view = make_control_view(job, job);
   const LearnedCorrection correction =
-      learn_correction(view, make_machine_access(job, {}), compensator, progress);
+      learn_correction(view, make_machine_access(job, job, {}), compensator, progress);
   Cut result = cut_in_windows(
       job,
-      [&](const Job& job_part) {
-        return compensated_commands(make_control_view(job_part), make_machine_access(job_part, {}),
-                                    compensator, correction);
+      [&](const Segment& window) {
+        return compensated_commands(make_control_view(job, window),
+                                    make_machine_access(job, window, {}), compensator, correction);
       },
       progress);
   result.name = result.case_name = compensator.name;

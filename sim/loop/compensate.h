@@ -16,30 +16,30 @@ struct PredictedRun {
 };
 
 /// Returns the perfect belief: the truth without its random parts. This is the only passage from
-/// the truth to the compensation. The job must outlive the result.
-compensation::Belief perfect_belief(const Job& job, PredictedRun run);
+/// the truth to the compensation. The segment must outlive the result.
+compensation::Belief perfect_belief(const Segment& segment, PredictedRun run);
 
 /// Returns a corrector with the perfect belief, which predicts the effect of its own corrections.
 /// @param before  has the stock that earlier tools have left; without a stock the blank is cut
-Corrector perfect_corrector(const Job& job, const ControlView& view,
+Corrector perfect_corrector(const Segment& segment, const ControlView& view,
                             const CaseDescription& compensator, const Process& before = {});
 
 /// Returns the channel of a case; that of a plug-in is set by the scene.
 CaseDescription::Channel channel_of(const Scene& scene, const CaseDescription& compensator);
 
-/// Returns the knowledge of a job that is available to a compensator. The job must outlive the
-/// result.
-ControlView make_control_view(const Job& job);
+/// Returns the knowledge of a segment of a job that is available to a compensator. Job and segment
+/// must outlive the result.
+ControlView make_control_view(const Job& job, const Segment& segment);
 
-/// Returns the operations that a compensator may request from the machine. The arguments must
-/// outlive the result.
+/// Returns the operations that a compensator may request from the machine while it runs a segment
+/// of a job. The arguments must outlive the result.
 /// @param before  has the stock that earlier tools have left; without a stock the blank is cut
-MachineAccess make_machine_access(const Job& job, const Process& before);
+MachineAccess make_machine_access(const Job& job, const Segment& segment, const Process& before);
 
 /// Returns the signals that the control can read while a program runs and during the thermal
 /// history before it: encoders, temperatures, current and dynamometer, with their noise. True
 /// deviations are excluded.
-compensation::ControlLog control_log(const Job& job, const Commands& commands,
+compensation::ControlLog control_log(const Segment& segment, const Commands& commands,
                                      const Process& process);
 
 /// Learns the correction of the program of a case.

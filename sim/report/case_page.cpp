@@ -60,7 +60,7 @@ constexpr double ms = 1e-3;
 /// Returns the time intervals in which the program executes each line.
 LineIntervals line_intervals(const Job& job) {
   LineIntervals intervals;
-  for (const Job& segment : job_parts(job)) {
+  for (const Segment& segment : job_segments(job)) {
     const program::Samples& samples = segment.samples;
     for (std::size_t k = 0; k < samples.line.size(); ++k) {
       if (k > 0 && samples.line[k] == samples.line[k - 1]) continue;

@@ -121,8 +121,8 @@ Description::Heat heat_description(const Truth::Heat& truth, const ThermalDescri
 std::array<std::optional<double>, 3> tool_stiffness(const Job& job) {
   const AxisState& state = job.samples.states[job.samples.states.size() / 2];
   // The tool that runs at this time has its own compliance.
-  const Job* part = &job;
-  for (const Job& segment : job.stretches)
+  const Segment* part = &job;
+  for (const Segment& segment : job.segments)
     if (!segment.samples.states.empty() && segment.samples.states.front().time_s <= state.time_s)
       part = &segment;
   // A central difference cancels all other deviations; with 1 N the machine is linear.
@@ -174,7 +174,7 @@ Description describe(const Job& job) {
                             cutting::transformed(design, job.scene.part.T_wm.inverse()))};
   d.program = {job.path.motion_blocks, states.size(), states.empty() ? 0.0 : states.back().time_s,
                unreached_text(job.unreached), job.path.read_as};
-  for (const Job& segment : job.stretches)
+  for (const Segment& segment : job.segments)
     d.tool_segments.push_back({*segment.scene.tool.number, segment.scene.tool.name,
                                segment.path.blocks.front().line, segment.path.blocks.back().line,
                                segment.path.motion_blocks});

@@ -270,11 +270,11 @@ struct Trace {
 };
 
 /// Returns the range of samples [first, last) of every pass: feed moves between two rapids.
-std::vector<std::pair<std::size_t, std::size_t>> pass_ranges(const Job& job) {
+std::vector<std::pair<std::size_t, std::size_t>> pass_ranges(const Segment& segment) {
   std::vector<std::pair<std::size_t, std::size_t>> ranges;
   bool was_feeding = false;
-  for (std::size_t i = 0; i < job.samples.states.size(); ++i) {
-    const auto& block = job.path.blocks[std::size_t(job.samples.block[i])];
+  for (std::size_t i = 0; i < segment.samples.states.size(); ++i) {
+    const auto& block = segment.path.blocks[std::size_t(segment.samples.block[i])];
     const bool is_feeding = block.interpolation != program::Interpolation::Rapid;
     if (is_feeding && !was_feeding) ranges.emplace_back(i, i);
     if (is_feeding) ranges.back().second = i + 1;
@@ -284,12 +284,12 @@ std::vector<std::pair<std::size_t, std::size_t>> pass_ranges(const Job& job) {
 }
 
 /// Returns the nominal tip and its error at a sample.
-Trace::Point traced_point(const Job& job, std::size_t sample) {
-  kinematics::AxisState state = job.samples.states[sample];
+Trace::Point traced_point(const Segment& segment, std::size_t sample) {
+  kinematics::AxisState state = segment.samples.states[sample];
   // The path on a rotating part would fill a disc, so its spindle is drawn at rest.
-  if (job.machine.workpiece_spindle) state.q[*job.machine.workpiece_spindle] = 0.0;
-  const Vector3d tip_w = job.machine.nominal.tool_in_workpiece(state.q).translation();
-  return {tip_w, tool_in_workpiece(job.truth, state).translation() - tip_w};
+  if (segment.machine.workpiece_spindle) state.q[*segment.machine.workpiece_spindle] = 0.0;
+  const Vector3d tip_w = segment.machine.nominal.tool_in_workpiece(state.q).translation();
+  return {tip_w, tool_in_workpiece(segment.truth, state).translation() - tip_w};
 }
 
 using TracePoints = std::vector<Trace::Point>;
@@ -319,7 +319,7 @@ std::vector<TracePoints> thinned_path(const TracePoints& points) {
 }
 
 /// Returns the trace of one segment of a job.
-Trace segment_trace(const Job& segment) {
+Trace segment_trace(const Segment& segment) {
   Trace trace;
   const auto passes = pass_ranges(segment);
   trace.pass_count = passes.size();
@@ -342,7 +342,7 @@ Trace segment_trace(const Job& segment) {
 /// Returns the trace of all segments of a job.
 Trace job_trace(const Job& job) {
   Trace total;
-  for (const Job& segment : job_parts(job)) {
+  for (const Segment& segment : job_segments(job)) {
     Trace trace = segment_trace(segment);
     std::move(trace.passes.begin(), trace.passes.end(), std::back_inserter(total.passes));
     total.pass_count += trace.pass_count;
@@ -409,11 +409,12 @@ render::MachinePicture machine_picture(const Job& job) {
   return picture;
 }
 
-std::vector<SchematicBody> schematic_bodies(const Job& job) {
-  const Chain& chain = job.machine.nominal;
+std::vector<SchematicBody> schematic_bodies(const Machine& machine,
+                                            const cutting::Design& design_w) {
+  const Chain& chain = machine.nominal;
   const AxisVector home = AxisVector::Zero(chain.size());
   const Carriers carriers{chain.size()};
-  const auto& vertices = job.design_w.vertices;
+  const auto& vertices = design_w.vertices;
   const double unit_size =
       0.35 * (vertices.colwise().maxCoeff() - vertices.colwise().minCoeff()).norm();
   render::MachinePicture picture;

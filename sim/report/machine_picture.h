@@ -29,6 +29,8 @@ struct SchematicBody {
 /// Returns the simple carriages and the spindle of a machine whose description has no bodies.
 /// Unlike the picture, they have no connecting bars, whose lengths would change with the axis
 /// positions.
-std::vector<SchematicBody> schematic_bodies(const Job& job);
+/// @param design_w  the part, which sets their size
+std::vector<SchematicBody> schematic_bodies(const Machine& machine,
+                                            const cutting::Design& design_w);
 
 }  // namespace abbe::sim

@@ -250,9 +250,9 @@ bool is_tool_body(const SolidBody& body) {
 /// Adds the bodies of the machine and of every tool.
 void add_bodies(PageData& data, const Job& job) {
   data.index["machine"]["bodies"] = ordered_json::array();
-  const std::span<const Job> segments = job_parts(job);
+  const std::span<const Segment> segments = job_segments(job);
   for (std::size_t tool = 0; tool < segments.size(); ++tool)
-    for (const SolidBody& body : job_bodies(segments[tool]))
+    for (const SolidBody& body : segment_bodies(segments[tool], job.design_w))
       if (is_tool_body(body))
         add_body(data, body, segments.size() > 1 ? int(tool) : -1);
       else if (tool == 0)
@@ -262,10 +262,11 @@ void add_bodies(PageData& data, const Job& job) {
 /// Returns the commanded axis positions along a job, in mm and degrees.
 TimeSeries axis_motion(const Job& job) {
   Eigen::Index count = 0, row = 0;
-  for (const Job& segment : job_parts(job)) count += Eigen::Index(segment.samples.states.size());
+  for (const Segment& segment : job_segments(job))
+    count += Eigen::Index(segment.samples.states.size());
   const kinematics::Chain& chain = job.machine.nominal;
   TimeSeries series{Eigen::VectorXd(count), Eigen::MatrixXd(count, chain.size())};
-  for (const Job& segment : job_parts(job))
+  for (const Segment& segment : job_segments(job))
     for (const kinematics::AxisState& state : segment.samples.states) {
       series.time_s[row] = state.time_s;
       for (int j = 0; j < chain.size(); ++j) {
@@ -300,7 +301,7 @@ void add_motion(PageData& data, const Job& job) {
 /// Returns the tools with the time of their change and their pose at the home position.
 ordered_json tools_json(const Job& job) {
   ordered_json tools = ordered_json::array();
-  for (const Job& segment : job_parts(job)) {
+  for (const Segment& segment : job_segments(job)) {
     if (segment.samples.states.empty()) continue;
     const auto& number = segment.scene.tool.number;
     tools.push_back(
@@ -383,7 +384,7 @@ void add_track(PageData& data, const ToolTrack& track, std::size_t number) {
 
 std::vector<std::string> add_machine(PageData& data, const Job& job) {
   std::size_t sample_count = 0;
-  for (const Job& segment : job_parts(job)) sample_count += segment.samples.states.size();
+  for (const Segment& segment : job_segments(job)) sample_count += segment.samples.states.size();
   if (sample_count < 2)
     return {fmt::format(
         "the motion of the machine is omitted from the report: its program has {} samples",

@@ -138,16 +138,16 @@ enum StockStyle : std::uint8_t { raw_style, fresh_style, crash_style };
 
 /// Returns the program that a segment of the job executes in this case.
 const program::Path& segment_path(const FilmSource& source, std::size_t segment) {
-  return path_of(job_parts(source.job)[segment], part_commands(source.commands, segment));
+  return path_of(job_segments(source.job)[segment], part_commands(source.commands, segment));
 }
 
 /// Returns the target poses of a segment of the job.
 const std::vector<Pose>& nominal_poses(const FilmSource& source, std::size_t segment) {
-  return target_poses(job_parts(source.job)[segment], part_commands(source.commands, segment));
+  return target_poses(job_segments(source.job)[segment], part_commands(source.commands, segment));
 }
 
 /// Returns the pose of the tool relative to a workpiece spindle that does not rotate.
-Pose pose_at_rest(const Job& segment, const AxisVector& q, const Pose& T_wt) {
+Pose pose_at_rest(const Segment& segment, const AxisVector& q, const Pose& T_wt) {
   if (!segment.machine.workpiece_spindle) return T_wt;
   const int spindle = *segment.machine.workpiece_spindle;
   return slow_pose(spindle_line(segment.truth.actual, spindle), q[spindle], T_wt);
@@ -259,7 +259,7 @@ ProgramFilm::ProgramFilm(const FilmSource& source, FilmPlan plan, const FilmOpti
 }
 
 void ProgramFilm::add_frame_samples() {
-  const auto segments = job_parts(source_.job);
+  const auto segments = job_segments(source_.job);
   std::vector<std::vector<std::size_t>> sample_indices(segments.size());
   for (const double time : plan_.time_s) {
     std::size_t segment = 0;  // the last segment that has begun; segments may have no samples
@@ -283,18 +283,19 @@ void ProgramFilm::add_frame_samples() {
                            sample_indices[i]);
   std::vector<std::size_t> next_pose(segments.size(), 0);
   for (FrameSample& frame_sample : frame_samples_) {
-    const Job& job = segments[frame_sample.segment];
+    const Segment& segment = segments[frame_sample.segment];
     kinematics::AxisState state =
         part_commands(source_.commands, frame_sample.segment).samples.states[frame_sample.sample];
     const Pose& actual = T_wt[frame_sample.segment][next_pose[frame_sample.segment]++];
     const Pose& nominal = nominal_poses(source_, frame_sample.segment)[frame_sample.sample];
     frame_sample.error = (actual.translation() - nominal.translation()).norm();
-    frame_sample.T_wt = pose_at_rest(job, state.q, actual);
-    frame_sample.T_wt_nominal = pose_at_rest(job, state.q, nominal);
+    frame_sample.T_wt = pose_at_rest(segment, state.q, actual);
+    frame_sample.T_wt_nominal = pose_at_rest(segment, state.q, nominal);
     const auto axis_deviations =
-        deviations(job.truth, state, load_at(processes[frame_sample.segment], state.time_s)).joints;
-    if (const auto spindle = find_spindle(job.machine)) state.q[*spindle] = 0.0;
-    frame_sample.carriers_b = carrier_poses(job.truth.actual, state.q, axis_deviations);
+        deviations(segment.truth, state, load_at(processes[frame_sample.segment], state.time_s))
+            .joints;
+    if (const auto spindle = find_spindle(segment.machine)) state.q[*spindle] = 0.0;
+    frame_sample.carriers_b = carrier_poses(segment.truth.actual, state.q, axis_deviations);
   }
 }
 
@@ -306,10 +307,10 @@ void ProgramFilm::add_body(const cutting::ClosedMesh& mesh, const Attachment& at
   setting_.bodies.back().triangles = mesh.triangles;
 }
 
-void ProgramFilm::add_tool(std::size_t segment, const std::vector<SolidBody>& solids) {
+void ProgramFilm::add_tool(std::size_t number, const std::vector<SolidBody>& solids) {
   using Kind = SolidBody::Kind;
-  const Job& job = job_parts(source_.job)[segment];
-  const Attachment attachment{Carriers{job.truth.actual.size()}.tool(), segment};
+  const Segment& segment = job_segments(source_.job)[number];
+  const Attachment attachment{Carriers{segment.truth.actual.size()}.tool(), number};
   Attachment cutting_part = attachment;
   cutting_part.is_cutting_part = true;
   for (const SolidBody& solid : solids) {
@@ -320,19 +321,19 @@ void ProgramFilm::add_tool(std::size_t segment, const std::vector<SolidBody>& so
     if (solid.kind == Kind::Holder)
       add_body(solid.mesh, attachment, film_body(holder_colour, 1.0, true));
   }
-  const auto* nose = std::get_if<cutting::Nose>(&job.scene.tool.actual);
+  const auto* nose = std::get_if<cutting::Nose>(&segment.scene.tool.actual);
   if (nose == nullptr) return;
-  const auto meshes = turning_tool(*nose, job.scene.tool.actual_length);
+  const auto meshes = turning_tool(*nose, segment.scene.tool.actual_length);
   add_body(meshes[0], cutting_part, film_body(cutter_colour, 1.0, true));
   add_body(meshes[1], attachment, film_body(shank_colour, 1.0, true));
 }
 
 void ProgramFilm::add_bodies() {
-  const Job& first = job_parts(source_.job).front();
+  const Segment& first = job_segments(source_.job).front();
   const auto& joints = first.machine.nominal.joints();
-  const auto segments = job_parts(source_.job);
+  const auto segments = job_segments(source_.job);
   for (std::size_t segment = 0; segment < segments.size(); ++segment) {
-    const std::vector<SolidBody> solids = job_bodies(segments[segment]);
+    const std::vector<SolidBody> solids = segment_bodies(segments[segment], source_.job.design_w);
     for (const SolidBody& solid : solids) {
       if (segment > 0) break;
       if (solid.kind == SolidBody::Kind::Fixture)
@@ -350,7 +351,7 @@ void ProgramFilm::add_bodies() {
     add_tool(segment, solids);
   }
   if (!first.scene.machine.bodies.empty()) return;
-  for (const SchematicBody& schematic : schematic_bodies(first))
+  for (const SchematicBody& schematic : schematic_bodies(first.machine, source_.job.design_w))
     add_body(shape_mesh(schematic.body), {schematic.frame, {}, schematic.body.T},
              film_body(schematic.body.colour, schematic.body.opacity, false));
 }
@@ -383,7 +384,8 @@ double ProgramFilm::part_size() const {
 
 Vector3d ProgramFilm::nominal_tip(std::size_t segment, std::size_t sample) const {
   const AxisVector& q = part_commands(source_.commands, segment).samples.states[sample].q;
-  return pose_at_rest(job_parts(source_.job)[segment], q, nominal_poses(source_, segment)[sample])
+  return pose_at_rest(job_segments(source_.job)[segment], q,
+                      nominal_poses(source_, segment)[sample])
       .translation();
 }
 
@@ -424,7 +426,7 @@ ProgramFilm::TracedSamples ProgramFilm::traced_path_samples(std::size_t segment)
 }
 
 void ProgramFilm::add_trace() {
-  const auto segments = job_parts(source_.job);
+  const auto segments = job_segments(source_.job);
   for (std::size_t segment = 0; segment < segments.size(); ++segment) {
     const Commands& commands = part_commands(source_.commands, segment);
     const TracedSamples traced = traced_path_samples(segment);
@@ -453,7 +455,7 @@ kinematics::Pose ProgramFilm::tool_pose(const FrameSample& frame_sample) const {
 }
 
 const Pose& ProgramFilm::workpiece_in_bed(const FrameSample& frame_sample) const {
-  const Carriers carriers{job_parts(source_.job)[frame_sample.segment].truth.actual.size()};
+  const Carriers carriers{job_segments(source_.job)[frame_sample.segment].truth.actual.size()};
   return frame_sample.carriers_b[std::size_t(carriers.workpiece())];
 }
 
@@ -466,7 +468,7 @@ double ProgramFilm::max_error() const {
 
 double ProgramFilm::end_s() const {
   double end = 0.0;
-  for (std::size_t i = 0; i < job_parts(source_.job).size(); ++i) {
+  for (std::size_t i = 0; i < job_segments(source_.job).size(); ++i) {
     const auto& states = part_commands(source_.commands, i).samples.states;
     if (!states.empty()) end = std::max(end, states.back().time_s);
   }
@@ -538,7 +540,7 @@ void ProgramFilm::set_captions() {
 }
 
 std::vector<std::string> ProgramFilm::values(const FrameSample& frame_sample, double time_s) const {
-  const Job& job = job_parts(source_.job)[frame_sample.segment];
+  const Segment& segment = job_segments(source_.job)[frame_sample.segment];
   const program::Samples& samples = part_commands(source_.commands, frame_sample.segment).samples;
   const program::Block& block = segment_path(source_, frame_sample.segment)
                                     .blocks[std::size_t(samples.block[frame_sample.sample])];
@@ -559,8 +561,8 @@ std::vector<std::string> ProgramFilm::values(const FrameSample& frame_sample, do
                                ? "dwell"
                                : fmt::format("{:.0f} mm/min", 60.0 * speed);
   const double rpm = states[frame_sample.sample].spindle_speed * 60.0 / (2.0 * pi);
-  std::string tool = job.scene.tool.name;
-  if (job.scene.tool.number) tool = fmt::format("T{} {}", *job.scene.tool.number, tool);
+  std::string tool = segment.scene.tool.name;
+  if (segment.scene.tool.number) tool = fmt::format("T{} {}", *segment.scene.tool.number, tool);
   return {std::to_string(samples.line[frame_sample.sample]),
           fmt::format("{:.1f} s of {:.1f} s", time_s, end_s()),
           feed,

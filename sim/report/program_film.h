@@ -86,7 +86,7 @@ class ProgramText {
 /// two frames.
 class ProgramFilm {
  public:
-  /// @throws BadInput as `job_bodies`, or if an axis leaves a table of the errors
+  /// @throws BadInput as `segment_bodies`, or if an axis leaves a table of the errors
   ProgramFilm(const FilmSource& source, FilmPlan plan, const FilmOptions& options = {});
 
   const render::FilmSettings& setting() const { return setting_; }

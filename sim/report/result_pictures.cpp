@@ -143,12 +143,12 @@ const Collision* first_event(const Collisions& collisions) {
 
 render::MachinePicture collision_picture(const Job& job, const Collisions& collisions,
                                          const Collision& event) {
-  const Job& segment = job_parts(job)[event.part];
+  const Segment& segment = job_segments(job)[event.part];
   const std::vector<kinematics::Pose> T = carrier_poses(
       segment.truth.actual, event.state.q, deviations(segment.truth, event.state).joints);
   render::MachinePicture picture;
   picture.title = fmt::format("{}: {} and {}", job.scene.title, event.a, event.b);
-  for (const SolidBody& solid : job_bodies(segment)) {
+  for (const SolidBody& solid : segment_bodies(segment, job.design_w)) {
     const bool is_involved = solid.name == event.a || solid.name == event.b;
     const kinematics::Pose& T_b = T[std::size_t(solid.frame)];
     if (solid.kind == SolidBody::Kind::Part) {

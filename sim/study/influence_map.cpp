@@ -44,7 +44,7 @@ using Twist = kinematics::Deviation;
 
 /// The cut of one tool with the inputs at their centres.
 struct ToolCut {
-  const Job& job;  ///< of the tool's part of the program
+  const Segment& segment;
   const Commands& commanded;
   Process process;
   std::vector<Pose> T_wt;              ///< (samples)
@@ -70,44 +70,44 @@ struct BaseRun {
 };
 
 /// Throws BadInput for a tool whose passes do not make a surface of their own.
-void check_tool(const Job& part) {
+void check_tool(const Segment& segment) {
   const auto require = [&](bool is_met, const char* expected, const char* seen) {
-    if (!is_met) throw BadInput(part.scene.file.string(), 0, 0, expected, seen);
+    if (!is_met) throw BadInput(segment.scene.file.string(), 0, 0, expected, seen);
   };
-  require(!part.scene.tool.wear || !(part.scene.tool.wear->radius > 0.0),
+  require(!segment.scene.tool.wear || !(segment.scene.tool.wear->radius > 0.0),
           "a tool of constant radius for influence maps (engine = \"full\" supports wear)",
           "tool.wear.radius_um");
-  const auto* cutter = std::get_if<cutting::Cutter>(&part.scene.tool.actual);
+  const auto* cutter = std::get_if<cutting::Cutter>(&segment.scene.tool.actual);
   require(!cutter || !cutting::is_hollow(*cutter),
           "a convex tool for influence maps (engine = \"full\" supports concave ones)",
           "a concave tool.kind = \"profile\"");
 }
 
-ToolCut tool_cut(const Job& part, const Commands& commanded, Process process) {
-  ToolCut tool{part, commanded, std::move(process), {}, {}, std::nullopt};
-  tool.T_wt = tool_poses(part, commanded, tool.process);
-  if (std::holds_alternative<cutting::Cutter>(part.scene.tool.actual)) {
+ToolCut tool_cut(const Segment& segment, const Commands& commanded, Process process) {
+  ToolCut tool{segment, commanded, std::move(process), {}, {}, std::nullopt};
+  tool.T_wt = tool_poses(segment, commanded, tool.process);
+  if (std::holds_alternative<cutting::Cutter>(segment.scene.tool.actual)) {
     tool.sample.resize(commanded.samples.states.size());
     std::iota(tool.sample.begin(), tool.sample.end(), std::size_t(0));
     return tool;
   }
-  tool.spindle = spindle_line(part.truth.actual, *part.machine.workpiece_spindle);
+  tool.spindle = spindle_line(segment.truth.actual, *segment.machine.workpiece_spindle);
   // A turned surface needs distinct instants, but a reversal is sampled twice.
   tool.sample = distinct_instants(commanded.samples);
   return tool;
 }
 
-std::vector<CompetingPass> competing_passes(const ToolCut& tool,
+std::vector<CompetingPass> competing_passes(const cutting::Design& design_w, const ToolCut& tool,
                                             const cutting::CompetingPassOptions& options) {
   const program::Samples& samples = tool.commanded.samples;
-  const cutting::Design& design_w = tool.job.design_w;
-  if (const auto* cutter = std::get_if<cutting::Cutter>(&tool.job.scene.tool.actual))
+  if (const auto* cutter = std::get_if<cutting::Cutter>(&tool.segment.scene.tool.actual))
     return cutting::milled_competing_passes(design_w, *cutter, cutter_motion(tool.T_wt, samples),
                                             options);
-  const auto& nose = std::get<cutting::Nose>(tool.job.scene.tool.actual);
+  const auto& nose = std::get<cutting::Nose>(tool.segment.scene.tool.actual);
   return cutting::turned_competing_passes(
       design_w, nose,
-      nose_motion(tool.T_wt, samples, *tool.spindle, *tool.job.machine.workpiece_spindle), options);
+      nose_motion(tool.T_wt, samples, *tool.spindle, *tool.segment.machine.workpiece_spindle),
+      options);
 }
 
 /// Returns the passes of all tools, at each vertex those within `reach` of the nearest, and at most
@@ -139,9 +139,9 @@ std::vector<ToolPass> nearest_passes(const std::vector<std::vector<CompetingPass
 std::vector<cutting::Gouge> gouges(const BaseRun& run) {
   std::vector<ToolSweep> sweeps;
   for (const ToolCut& tool : run.tools)
-    sweeps.push_back({tool.job.scene.tool.actual, tool.commanded.samples, tool.T_wt,
-                      tool.job.truth.actual, tool.job.machine.workpiece_spindle,
-                      path_of(tool.job, tool.commanded)});
+    sweeps.push_back({tool.segment.scene.tool.actual, tool.commanded.samples, tool.T_wt,
+                      tool.segment.truth.actual, tool.segment.machine.workpiece_spindle,
+                      path_of(tool.segment, tool.commanded)});
   const Job& job = run.ready.job;
   cutting::Design design_w = job.design_w;
   design_w.judged.resize(std::size_t(design_w.vertices.rows()), 1);
@@ -154,14 +154,14 @@ std::vector<cutting::Gouge> gouges(const BaseRun& run) {
 /// @throws BadInput as `cut`, and for tool wear or a hollow tool
 BaseRun base_run(const Study& study, const PreparedConfiguration& ready, const Progress& progress) {
   const Job& job = ready.job;
-  std::ranges::for_each(job_parts(job), check_tool);
+  std::ranges::for_each(job_segments(job), check_tool);
   cutting::CompetingPassOptions options;
   options.reach = study.influence.reach;
   options.max_passes = study.influence.max_competing_passes;
   options.band = job.scene.band;
   BaseRun run{study, ready};
   const Process process = cut_process(job, ready.commanded);
-  const auto parts = job_parts(job);
+  const auto parts = job_segments(job);
   std::vector<std::vector<CompetingPass>> passes;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     if (progress)
@@ -170,7 +170,7 @@ BaseRun base_run(const Study& study, const PreparedConfiguration& ready, const P
       };
     run.tools.push_back(
         tool_cut(parts[i], part_commands(ready.commanded, i), part_process(process, i)));
-    passes.push_back(competing_passes(run.tools.back(), options));
+    passes.push_back(competing_passes(job.design_w, run.tools.back(), options));
   }
   run.passes = nearest_passes(passes, options);
   run.gouges = gouges(run);
@@ -230,7 +230,7 @@ std::array<Scene, 2> stepped_scenes(const BaseRun& run, Index input) {
 /// Returns the scene of one of the tools of a run, with run-out as part of the tool.
 Scene tool_scene(const BaseRun& run, const Scene& scene, std::size_t tool) {
   if (run.tools.size() == 1) return with_run_out(scene);
-  return with_run_out(select_tool(scene, *run.tools[tool].job.scene.tool.number));
+  return with_run_out(select_tool(scene, *run.tools[tool].segment.scene.tool.number));
 }
 
 Matrix3d spindle_rotation(const SpindleLine& line, double angle) {
@@ -238,7 +238,7 @@ Matrix3d spindle_rotation(const SpindleLine& line, double angle) {
 }
 
 double spindle_angle(const ToolCut& tool, const MoveEnd& end) {
-  return tool.commanded.samples.states[end.sample].q[*tool.job.machine.workpiece_spindle];
+  return tool.commanded.samples.states[end.sample].q[*tool.segment.machine.workpiece_spindle];
 }
 
 double spindle_angle(const ToolCut& tool, const std::array<MoveEnd, 2>& ends) {
@@ -420,7 +420,7 @@ Columns geometric_columns(const BaseRun& run, const std::vector<GeometricInput>&
   if (inputs.empty()) return columns;
   tbb::parallel_for(std::size_t(0), run.passes.size(), [&](std::size_t r) {
     const ToolPass& pass = run.passes[r];
-    const kinematics::Chain& chain = run.tool(pass).job.truth.actual;
+    const kinematics::Chain& chain = run.tool(pass).segment.truth.actual;
     const std::array<MoveEnd, 2> ends = move_ends(run, pass);
     std::vector<std::array<Twist, 2>> twists(inputs.size());
     // Inputs are the inner loop, since all of them need the same Jacobians.
@@ -459,13 +459,13 @@ std::vector<DifferenceMachine> difference_machines(
   // A more compliant machine removes less and has smaller loads, so each machine needs its own
   // forces.
   const bool has_deflection =
-      std::ranges::any_of(job_parts(job),
-                          [](const Job& part) { return part.truth.compliance.has_value(); }) &&
+      std::ranges::any_of(job_segments(job),
+                          [](const Segment& part) { return part.truth.compliance.has_value(); }) &&
       std::ranges::any_of(run.tools, [](const ToolCut& t) { return !t.process.steps.empty(); });
   const Process process = has_deflection ? cut_process(job, all_commands) : Process{};
   std::vector<DifferenceMachine> machines;
   for (std::size_t i = 0; i < run.tools.size(); ++i) {
-    const Job& part = job_parts(job)[i];
+    const Segment& part = job_segments(job)[i];
     const ToolCut& base = run.tools[i];
     const Commands& commanded = part_commands(all_commands, i);
     if (commanded.samples.states.size() != base.T_wt.size())

@@ -342,10 +342,10 @@ TEST_F(ToolTable, WearGoesOnWhenAToolComesBack) {
   const Job job =
       prepare(scene(tool(7, "ball", "wear = { way_mm = 90, length_um = 10 }\n") + tool(8, "ball"),
                     floor, "file = \"p.ngc\"\nwork_offset.G54 = { Z_mm = -100 }\n"));
-  ASSERT_EQ(job.stretches.size(), 3u);
-  EXPECT_NEAR(job.stretches[0].previous_use.distance, 0.0, 1e-12);
-  EXPECT_NEAR(job.stretches[1].previous_use.distance, 0.0, 1e-12);
-  EXPECT_NEAR(job.stretches[2].previous_use.distance, 45.0, 1e-9);
+  ASSERT_EQ(job.segments.size(), 3u);
+  EXPECT_NEAR(job.segments[0].previous_use.distance, 0.0, 1e-12);
+  EXPECT_NEAR(job.segments[1].previous_use.distance, 0.0, 1e-12);
+  EXPECT_NEAR(job.segments[2].previous_use.distance, 45.0, 1e-9);
   const std::vector<WornTool> worn = worn_tools(tool_runs(job));
   ASSERT_EQ(worn.size(), 1u);
   EXPECT_NEAR(worn[0].length, 0.01, 1e-12);

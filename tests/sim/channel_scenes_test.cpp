@@ -527,7 +527,7 @@ TimeSeries wanted_of_sensors(const Job& job) {
   Evidence evidence;
   evidence.log = control_log(job, uncompensated_commands(job), {});
   const compensation::MachineBelief belief =
-      machine_belief(make_control_view(job), parse_case("thermal-position-ideal"), evidence);
+      machine_belief(make_control_view(job, job), parse_case("thermal-position-ideal"), evidence);
   const compensation::ThermalSeries& course = belief.thermal.value();
   std::cout << "readings held at the end of what was trained: " << course.limited_rows << " of "
             << course.time_s.size() << "\n";

@@ -340,7 +340,7 @@ TEST(Windows, HaveTheContactsOfTheWhole) {
 
 TEST(Windows, AreNotTakenForTheWhole) {
   const Job windowed = in_windows(leaning_dome());
-  EXPECT_THROW(job_parts(windowed), std::logic_error);
+  EXPECT_THROW(job_segments(windowed), std::logic_error);
   EXPECT_THROW(uncompensated_commands(windowed), std::logic_error);
 }
 

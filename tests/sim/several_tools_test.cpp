@@ -125,7 +125,7 @@ TEST_F(SeveralTools, EachMoveIsCutWithItsToolAndTheLeastIsLeft) {
   const std::string first = passes(1, -7, 1, 0.0), second = passes(2, -1, 7, 0.02);
   const Job both = job(listed({t1, t2}), first + second, crooked);
   EXPECT_TRUE(both.warnings.empty()) << both.warnings.front();
-  ASSERT_EQ(both.stretches.size(), 2u);
+  ASSERT_EQ(both.segments.size(), 2u);
   // the second has another lever to the errors of angle, and is another cutter
   for (const bool error_free : {true, false}) {
     const auto surface = [&](const Job& one) {
@@ -162,13 +162,13 @@ TEST_F(SeveralTools, ALongerToolIsSeenWhereTheMachineLeans) {
   const std::string lean = "[errors]\nEBZ_urad = 100\n";
   const Job both = job(listed({t1, longer}), passes(1, -7, 0, 0.0) + passes(2, 0, 7, 0.0), lean);
   const Cut made = cut(both);
-  ASSERT_EQ(both.stretches.size(), 2u);
-  const auto tip_error = [&](const Job& part) {
+  ASSERT_EQ(both.segments.size(), 2u);
+  const auto tip_error = [&](const Segment& part) {
     const Commands commands = uncompensated_commands(part);
     const std::vector<kinematics::Pose> T_wt = tool_poses(part, commands, {});
     return (T_wt.back().translation() - part.T_wt_nominal.back().translation()).norm();
   };
-  const double difference = std::abs(tip_error(both.stretches[1]) - tip_error(both.stretches[0]));
+  const double difference = std::abs(tip_error(both.segments[1]) - tip_error(both.segments[0]));
   EXPECT_NEAR(difference, 100e-6 * 60.0, 1e-6);  // mm
   EXPECT_GT(made.tip_error.max, 0.0);
 }
@@ -199,7 +199,7 @@ TEST_F(SeveralTools, ToolsThatAreAlikeAreOne) {
                     third = passes(1, 3.5, 7, 0.0);
   const Job three =
       job(listed({alike + "number = 1\n", alike + "number = 2\n"}), first + second + third, play);
-  ASSERT_EQ(three.stretches.size(), 3u);
+  ASSERT_EQ(three.segments.size(), 3u);
   std::string program = first + second + third;
   for (std::size_t at; (at = program.find("T2 M6")) != std::string::npos;) program[at + 1] = '1';
   for (std::size_t at; (at = program.find("H2")) != std::string::npos;) program[at + 1] = '1';
@@ -390,7 +390,7 @@ TEST_F(SeveralTools, TheCompensatedProgramIsOneFileThatCutsWhatIsSaid) {
   // the written file as the program of the scene, without a compensator
   folder_.write("p.ngc", rewritten.rewritten_program);
   const Job file = prepare(read_scene(folder_.path() / "s.toml"));
-  ASSERT_EQ(file.stretches.size(), 2u);
+  ASSERT_EQ(file.segments.size(), 2u);
   const Apart read = apart(cut(file).surface, rewritten.surface);
   std::cout << "the file cuts within " << read.max << " mm of what was said\n";
   EXPECT_LT(read.max, 1e-6);
@@ -434,7 +434,7 @@ TEST_F(SeveralTools, ALengthThatIsNotTheToolsIsSaid) {
   ASSERT_FALSE(wrong.warnings.empty());
   EXPECT_HAS(wrong.warnings.front(), "T2 runs with the length H1 of G43 instead of its own");
   // the tip then stands 20 mm off
-  EXPECT_NEAR(wrong.stretches[1].T_wt_nominal.back().translation().z(), 60.0 + 20.0, 1e-9);
+  EXPECT_NEAR(wrong.segments[1].T_wt_nominal.back().translation().z(), 60.0 + 20.0, 1e-9);
 }
 
 TEST_F(SeveralTools, AProgramAboveThePartIsHeldAgainstItWithEveryTool) {
