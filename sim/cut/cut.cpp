@@ -598,29 +598,70 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Rete
 
 namespace {
 
+/// Returns the commands of a window, whose axes stay within their travel.
+Commands checked_commands(const Segment& window, std::size_t segment,
+                          const CommandSource& command_source) {
+  Commands commands = command_source(window, segment);
+  check_travel(window.machine, path_of(window, commands), commands.samples);
+  return commands;
+}
+
+}  // namespace
+
+Process segment_process(const Job& job, std::size_t segment, const CommandSource& command_source,
+                        Process before, const Progress& progress) {
+  const Segment& tool = tool_segments(job)[segment];
+  const auto samples = [&](const Segment& window) {
+    return checked_commands(window, segment, command_source).samples;
+  };
+  const auto pose = [&](const AxisState& state, const Pose&, const errors::Load& load) {
+    return tool_in_workpiece(tool.truth, state, load);
+  };
+  return check_table_range(tool, [&] {
+    return windowed_process(job, segment, samples, pose, tool.truth.actual, tool.scene.tool.actual,
+                            std::move(before), progress);
+  });
+}
+
+namespace {
+
+/// The figures of one tool of a job in windows, which grow from window to window.
+struct WindowedTotals {
+  Process process;  // without the stock
+  PoseErrors pose_errors = {};
+  double samples = 0.0;
+  std::optional<SignalSamples> signal_samples = {};  // empty without signals
+  std::optional<SignalRow> start = {};
+  std::vector<SignalRow> rows = {};
+};
+
 /// Runs the windows of a job on the machine with errors, and adds the figures of each window to the
 /// cut when the window first runs.
 class WindowedCut {
  public:
-  WindowedCut(const Job& job, CommandSource command_source, Cut& result)
-      : job_(job), command_source_(std::move(command_source)), result_(result) {}
+  WindowedCut(const Job& job, CommandSource command_source, const Progress& progress, Cut& result);
 
   SweptWindow at(std::size_t number);
   void visit_sweeps(const std::function<void(const ToolSweep&)>& use);
-  double explained_gouge() const {
-    return sim::explained_gouge(job_, {result_.tip_error, result_.direction_error});
-  }
+  double explained_gouge() const;
   std::size_t not_converged() const { return not_converged_; }
+  Signals take_signals();
 
  private:
-  void report(const Segment& part, const Commands& commands, SegmentMotion& motion);
+  std::string tool_prefix(std::size_t segment) const;
+  void simulate(const Progress& progress);
+  void report(std::size_t number, const ActualRun& run, const std::vector<errors::Load>& loads,
+              const std::vector<Pose>& T_wt);
+  void pick_signals(std::size_t number, const ActualRun& run,
+                    const std::vector<errors::Load>& loads);
 
   const Job& job_;
   CommandSource command_source_;
   Cut& result_;
-  std::size_t reported_ = 0;  // number of windows
+  std::vector<WindowRange> ranges_;     // by tool
+  std::vector<WindowedTotals> totals_;  // by tool
+  std::size_t reported_ = 0;            // number of windows
   std::size_t not_converged_ = 0;
-  double samples_ = 0.0;
 };
 
 /// Returns the number of intervals sampled in each window for the chord error: at least 10, since
@@ -629,34 +670,94 @@ std::size_t intervals_per_window(std::size_t windows) {
   return std::max(std::size_t(10), default_interval_count / windows);
 }
 
+WindowedCut::WindowedCut(const Job& job, CommandSource command_source, const Progress& progress,
+                         Cut& result)
+    : job_(job),
+      command_source_(std::move(command_source)),
+      result_(result),
+      ranges_(window_ranges(*job.windows)),
+      totals_(ranges_.size()) {
+  if (job.scene.cutting) simulate(progress);
+  for (std::size_t i = 0; i < ranges_.size() && has_signals(job.scene, false); ++i)
+    totals_[i].signal_samples =
+        SignalSamples(job.scene.signals.interval, job.windows->all[ranges_[i].first].start_s,
+                      job.windows->all[ranges_[i].last - 1].end_s);
+}
+
+/// Simulates the process of the whole program: a sample between two steps, whose load lies between
+/// theirs, may be in another window than the second.
+void WindowedCut::simulate(const Progress& progress) {
+  for (std::size_t i = 0; i < ranges_.size(); ++i) {
+    append_part(segment_process(job_, i, command_source_, take_stock(result_.process), progress),
+                result_.process);
+    totals_[i].process = part_process(result_.process, i);
+  }
+  for (std::size_t i = 0; i < ranges_.size(); ++i)
+    for (const std::string& warning :
+         process_warnings(tool_segments(job_)[i].scene, totals_[i].process))
+      result_.warnings.push_back(tool_prefix(i) + warning);
+}
+
+std::string WindowedCut::tool_prefix(std::size_t segment) const {
+  return job_.segments.size() > 1
+             ? fmt::format("T{}: ", *tool_segments(job_)[segment].scene.tool.number)
+             : "";
+}
+
+double WindowedCut::explained_gouge() const {
+  double max_explained = 0.0;
+  for (std::size_t i = 0; i < totals_.size(); ++i)
+    max_explained = std::max(max_explained,
+                             sim::explained_gouge(tool_segments(job_)[i], totals_[i].pose_errors));
+  return max_explained;
+}
+
 SweptWindow WindowedCut::at(std::size_t number) {
-  Segment part = make_window(job_, number);
-  Commands commands = command_source_(part);
-  check_travel(part.machine, path_of(part, commands), commands.samples);
-  std::map<std::string, double> timing_s;
+  const std::size_t tool = job_.windows->all[number].segment;
+  const Segment window = make_window(job_, number);
+  Commands commands = checked_commands(window, tool, command_source_);
+  const ActualRun run = actual_run(window, commands);
+  const std::vector<errors::Load> loads = sample_loads(run, totals_[tool].process);
+  std::vector<Pose> T_wt = check_table_range(window, [&] { return actual_poses(run, loads, {}); });
+  check_table_range(window, [&] { check_tips(run, T_wt); });
   // The first sweep takes the windows in order. Later ones repeat windows that were reported.
-  const bool is_first = number == reported_;
-  const std::size_t max_intervals = is_first ? intervals_per_window(job_.windows->all.size()) : 0;
-  SegmentMotion motion = segment_motion(part, commands, {}, timing_s, max_intervals);
-  if (is_first) report(part, commands, motion);
-  return {std::move(commands.samples), std::move(motion.T_wt),
-          std::move(commands.path ? *commands.path : part.path)};
+  if (number == reported_) report(number, run, loads, T_wt);
+  return {std::move(commands.samples), std::move(T_wt),
+          commands.path ? *std::move(commands.path) : window.path};
 }
 
 void WindowedCut::visit_sweeps(const std::function<void(const ToolSweep&)>& use) {
   for (std::size_t i = 0; i < job_.windows->all.size(); ++i) {
     const SweptWindow swept = at(i);
-    use({job_.scene.tool.actual, swept.samples, swept.T_wt, job_.truth.actual, std::nullopt,
+    const Segment& tool = tool_segments(job_)[job_.windows->all[i].segment];
+    use({tool.scene.tool.actual, swept.samples, swept.T_wt, tool.truth.actual, std::nullopt,
          swept.path});
   }
 }
 
-void WindowedCut::report(const Segment& part, const Commands& commands, SegmentMotion& motion) {
+void WindowedCut::report(std::size_t number, const ActualRun& run,
+                         const std::vector<errors::Load>& loads, const std::vector<Pose>& T_wt) {
   ++reported_;
-  // The first sample of a window is the last of the one before, and counts only once.
-  const double n = double(motion.T_wt.size()) - double(first_new_sample(part));
-  add(motion, n, samples_, result_);
-  samples_ += n;
+  const Commands& commands = run.commands;
+  WindowedTotals& tool = totals_[job_.windows->all[number].segment];
+  result_.chord_error = joined(result_.chord_error, check_table_range(run.segment, [&] {
+                                 return chord_error(run.segment, commands,
+                                                    intervals_per_window(job_.windows->all.size()));
+                               }));
+  // The first sample of a continued window is the last of the one before, and counts only once.
+  const std::size_t first = first_new_sample(run.segment);
+  const double samples = double(T_wt.size()) - double(first);
+  const PoseErrors errors = pose_errors(T_wt, run.T_wt_target, first);
+  tool.pose_errors.tip = joined(tool.pose_errors.tip, tool.samples, errors.tip, samples);
+  tool.pose_errors.direction =
+      joined(tool.pose_errors.direction, tool.samples, errors.direction, samples);
+  double samples_before = 0.0;
+  for (const WindowedTotals& totals : totals_) samples_before += totals.samples;
+  result_.tip_error = joined(result_.tip_error, samples_before, errors.tip, samples);
+  result_.direction_error =
+      joined(result_.direction_error, samples_before, errors.direction, samples);
+  tool.samples += samples;
+  if (tool.signal_samples) pick_signals(number, run, loads);
   result_.remaining_point_error =
       std::max(result_.remaining_point_error, commands.remaining_point_error);
   result_.remaining_direction_error =
@@ -667,27 +768,59 @@ void WindowedCut::report(const Segment& part, const Commands& commands, SegmentM
       result_.warnings.push_back(warning);
 }
 
+void WindowedCut::pick_signals(std::size_t number, const ActualRun& run,
+                               const std::vector<errors::Load>& loads) {
+  const std::size_t segment = job_.windows->all[number].segment;
+  WindowedTotals& tool = totals_[segment];
+  const program::Samples& samples = run.commands.samples;
+  const auto row = [&](std::size_t i) {
+    return SignalRow{samples.states[i], samples.line[i], loads.empty() ? errors::Load{} : loads[i],
+                     run.T_wt_target[i], i};
+  };
+  if (!tool.start) {
+    tool.start = row(0);
+    tool.start->line = 0;
+    tool.start->load = {};
+  }
+  tool.signal_samples->pick(samples.states, number > ranges_[segment].first,
+                            number + 1 < ranges_[segment].last,
+                            [&](std::size_t i) { tool.rows.push_back(row(i)); });
+}
+
+Signals WindowedCut::take_signals() {
+  Signals result;
+  for (std::size_t i = 0; i < totals_.size(); ++i) {
+    const Segment& tool = tool_segments(job_)[i];
+    if (totals_[i].start)
+      result =
+          joined(std::move(result), signals(tool.scene, tool.machine, tool.truth, *totals_[i].start,
+                                            std::move(totals_[i].rows), totals_[i].process));
+  }
+  return result;
+}
+
 }  // namespace
 
 Cut cut_in_windows(const Job& job, const CommandSource& command_source, const Progress& progress) {
   Stopwatch watch;
   Cut result;
   result.name = result.case_name = "uncompensated";
-  WindowedCut run(job, command_source, result);
+  WindowedCut run(job, command_source, progress, result);
+  if (job.scene.cutting) result.timing_s["stock"] = watch.lap();
   if (progress) progress("surface", 0.0);
   const auto window = [&run](std::size_t number) { return run.at(number); };
-  const Sweep sweep =
-      sweep_in_windows(std::get<cutting::Cutter>(job.scene.tool.actual), job.windows->all.size(),
-                       window, surface_options(job, progress));
-  CutMap motion = cut_map(job, {sweep, [&run](const auto& use) { run.visit_sweeps(use); }, job.path,
-                                [&run] { return run.explained_gouge(); }});
-  result.surface = std::move(motion.surface);
-  result.interpolation = motion.interpolation;
+  const Sweep sweep = sweep_in_windows(windowed_tools(job, &ToolDescription::actual), window,
+                                       surface_options(job, progress));
+  CutMap map = cut_map(job, {sweep, [&run](const auto& use) { run.visit_sweeps(use); }, job.path,
+                             [&run] { return run.explained_gouge(); }});
+  result.surface = std::move(map.surface);
+  result.interpolation = map.interpolation;
+  result.signals = run.take_signals();
   if (run.not_converged() > 0)
     result.warnings.push_back(not_converged_text(run.not_converged(), job.windows->samples));
   add_warnings(chord_error_warnings(result.chord_error, result.tip_error.rms), result.warnings);
   add_warnings(idle_warnings(job.scene), result.warnings);
-  add_warnings(std::move(motion.warnings), result.warnings);
+  add_warnings(std::move(map.warnings), result.warnings);
   result.timing_s["surface"] = watch.lap();
   return result;
 }
@@ -695,7 +828,7 @@ Cut cut_in_windows(const Job& job, const CommandSource& command_source, const Pr
 Cut cut(const Job& job, const Progress& progress, Retention keep) {
   if (job.windows)
     return cut_in_windows(
-        job, [](const Segment& window) { return segment_commands(window); }, progress);
+        job, [](const Segment& window, std::size_t) { return segment_commands(window); }, progress);
   Stopwatch watch;
   const Commands commands = uncompensated_commands(job);
   const double correction_s = watch.lap();

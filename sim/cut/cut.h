@@ -62,11 +62,12 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress = {},
         Retention keep = Retention::Map);
 
 /// Returns the commands of a window of a job.
-using CommandSource = std::function<Commands(const Segment& window)>;
+/// @param segment  index in `tool_segments` of its tool
+using CommandSource = std::function<Commands(const Segment& window, std::size_t segment)>;
 
-/// Cuts a job in windows on the machine with errors, in the memory of one window. Each window is
-/// sampled, commanded and swept as often as the surface needs it; figures are those of the first
-/// time.
+/// Cuts a job in windows on the machine with errors, in the memory of one window and of the steps
+/// of the cutting process. Each window is sampled, commanded and swept as often as the surface
+/// needs it; figures are those of the first time.
 /// @param command_source  whose result must not depend on samples outside the window
 /// @throws BadInput, CollisionStop  as `cut`
 Cut cut_in_windows(const Job& job, const CommandSource& command_source,
@@ -79,6 +80,10 @@ void check_travel(const Job& job, const Commands& commands);
 /// @param before  has the stock at the start of the segment; without a stock the blank is cut
 Process segment_process(const Segment& segment, const Commands& commands, Process before = {},
                         const Progress& progress = {});
+/// Returns the same of a segment of a job in windows.
+/// @param segment  index in `tool_segments`
+Process segment_process(const Job& job, std::size_t segment, const CommandSource& command_source,
+                        Process before, const Progress& progress = {});
 /// Returns the same of a job.
 Process cut_process(const Job& job, const Commands& commands, const Progress& progress = {});
 

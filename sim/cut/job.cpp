@@ -160,20 +160,6 @@ BadInput too_many_samples_error(const Scene& scene, const program::TooManySample
                                        windows_obstacle_text(windows_obstacle)));
 }
 
-program::Samples sample_program(const Scene& scene, const program::Path& path,
-                                const Machine& machine, program::SampleOptions options,
-                                const std::string& windows_obstacle) {
-  options.max_samples = max_program_samples();
-  try {
-    return program::sample(path, machine.nominal, options);
-  } catch (const program::TooManySamples& excess) {
-    throw too_many_samples_error(
-        scene, excess,
-        fmt::format("at most {} samples of the program, limited by memory", options.max_samples),
-        windows_obstacle);
-  }
-}
-
 std::vector<program::SampleWindow> divide_into_windows(const Scene& scene,
                                                        const program::Path& path,
                                                        const Machine& machine,
@@ -227,32 +213,48 @@ Segment make_segment(Scene scene, Machine machine, program::Path path,
                          std::move(samples));
 }
 
-/// Samples a program and makes its segment.
-/// @param before  axis state before the program, for directions of approach
-Segment make_segment(Scene scene, program::Path path, const AxisState& last_state,
-                     const std::string& windows_obstacle = {}) {
-  Machine machine = make_machine(scene);
-  program::SampleOptions sampling = sample_options(scene, machine);
-  sampling.before = last_state;
-  program::Samples samples = sample_program(scene, path, machine, sampling, windows_obstacle);
-  return make_segment(std::move(scene), std::move(machine), std::move(path), sampling,
-                      std::move(samples));
-}
+/// The blocks that one tool runs, with the scene of that tool.
+struct ToolProgram {
+  Scene scene;
+  std::shared_ptr<const program::Path> path;  // of a single tool that of the program
+};
 
-/// Returns the segments of a program with several tools.
-std::vector<Segment> make_tool_segments(const Scene& described, const program::Path& path,
-                                        const ToolUse& use) {
+/// Returns the programs of the tools, one after the other.
+std::vector<ToolProgram> tool_programs(const Scene& described, const program::Path& path,
+                                       const ToolUse& use) {
   const std::vector<ToolDescription> tools = all_tools(described);
-  std::vector<Segment> segments;
-  AxisState last_state;
+  if (tools.size() == 1)
+    return {{with_run_out(described),
+             std::shared_ptr<const program::Path>(std::shared_ptr<void>(), &path)}};
+  std::vector<ToolProgram> programs;
   for (const ToolSegment& tool_segment : use.segments) {
     Scene scene = with_run_out(select_tool(described, *tools[tool_segment.tool].number));
     // The thermal history precedes the first segment only.
-    if (!segments.empty()) scene.signals.history_interval = 0.0;
-    segments.push_back(make_segment(
-        std::move(scene), program::path_segment(path, tool_segment.first, tool_segment.last),
-        last_state));
-    if (!segments.back().samples.states.empty()) last_state = segments.back().samples.states.back();
+    if (!programs.empty()) scene.signals.history_interval = 0.0;
+    programs.push_back(
+        {std::move(scene), std::make_shared<const program::Path>(program::path_segment(
+                               path, tool_segment.first, tool_segment.last))});
+  }
+  return programs;
+}
+
+/// Samples the programs of the tools.
+/// @param max_samples  of all together
+/// @throws program::TooManySamples
+std::vector<Segment> sample_tools(const std::vector<ToolProgram>& programs,
+                                  std::size_t max_samples) {
+  std::vector<Segment> segments;
+  AxisState last_state;  // for directions of approach
+  for (const ToolProgram& tool : programs) {
+    Machine machine = make_machine(tool.scene);
+    program::SampleOptions sampling = sample_options(tool.scene, machine);
+    sampling.before = last_state;
+    sampling.max_samples = max_samples;
+    program::Samples samples = program::sample(*tool.path, machine.nominal, sampling);
+    max_samples -= samples.states.size();
+    if (!samples.states.empty()) last_state = samples.states.back();
+    segments.push_back(
+        make_segment(tool.scene, std::move(machine), *tool.path, sampling, std::move(samples)));
   }
   return segments;
 }
@@ -277,97 +279,129 @@ Segment joined(const Scene& scene, program::Path path, const std::vector<Segment
   return whole;
 }
 
-/// Completes a segment of the error-free machine.
-Segment with_truth(Segment segment, Truth truth, std::shared_ptr<const cutting::Design> body_m,
-                   Process process) {
+/// Gives a segment its truth, and the accelerations of its axes if masses have inertia.
+/// @param activities  heat sources of the whole program
+void complete(Segment& segment, const std::vector<errors::Activity>& activities) {
+  segment.truth = make_truth(segment.scene, segment.machine, activities);
   if (segment.scene.compliance && segment.scene.compliance->inertia)
     segment.accelerations = accelerations(segment.samples);
-  segment.truth = std::move(truth);
-  segment.body_m = std::move(body_m);
-  segment.nominal_process = std::move(process);
-  return segment;
 }
 
 /// The segments of a program on the error-free machine, and their warnings.
 struct JobSegments {
-  Segment whole;  // of a program in windows: all blocks, but only the samples of the first window
+  std::optional<Segment> whole;  // of a program in windows: with the samples of the first window
   std::vector<Segment> by_tool;  // empty with one tool
   std::vector<std::string> warnings;
   std::shared_ptr<const Windows> windows = {};
   std::vector<std::string> shank_warnings = {};  // of a program in windows
 
   std::span<const Segment> parts() const {
-    return by_tool.empty() ? std::span(&whole, 1) : std::span(by_tool);
+    return by_tool.empty() ? std::span(&*whole, 1) : std::span(by_tool);
   }
 };
 
-/// Prepares a program of one tool in windows. Each window is sampled once here for its number of
-/// samples, axis ranges and shank contacts.
+/// Prepares a program in windows. Each window is sampled once here for its number of samples, axis
+/// ranges and shank contacts.
 /// @param held  number of samples that may be in memory
-JobSegments prepare_windows(const Scene& scene, const program::Path& path,
-                            const cutting::Design& design_w, std::size_t held,
-                            const Progress& progress) {
-  const Machine machine = make_machine(scene);
-  program::SampleOptions sampling = sample_options(scene, machine);
+class WindowPreparation {
+ public:
+  WindowPreparation(const cutting::Design& design_w, std::size_t held, const Progress& progress)
+      : design_w_(design_w), held_(held), progress_(progress) {}
+
+  void add(const ToolProgram& tool);
+  std::vector<Segment> segments;
+  Windows windows;
+  std::vector<std::string> shank_warnings;
+
+ private:
+  void add_window(const ToolProgram& tool, const program::SampleWindow& blocks);
+
+  const cutting::Design& design_w_;
+  std::size_t held_;
+  const Progress& progress_;
+  AxisState last_state_;                   // of the tools so far, for directions of approach
+  std::optional<ShankContacts> contacts_;  // of the tool so far
+};
+
+void WindowPreparation::add(const ToolProgram& tool) {
+  Machine machine = make_machine(tool.scene);
+  program::SampleOptions sampling = sample_options(tool.scene, machine);
   // The first window stays in memory while another is cut.
-  sampling.max_samples = held / 2;
-  Windows windows{divide_into_windows(scene, path, machine, sampling, progress), 0, 0, {}, {}};
-  std::optional<Segment> first;
-  ShankContacts all_contacts;
-  for (const program::SampleWindow& window : windows.all) {
-    program::Path blocks = path_of(path, window);
-    if (progress) progress("sample", double(window.first) / double(path.blocks.size()));
-    sampling.continued_from = window.continued_from;
-    program::Samples samples = sample(blocks, machine.nominal, sampling);
-    if (!first) windows.lower = windows.upper = samples.states.front().q;
-    for (const AxisState& state : samples.states) {
-      windows.lower = windows.lower.cwiseMin(state.q);
-      windows.upper = windows.upper.cwiseMax(state.q);
-    }
-    // A later window begins with the last sample of the one before.
-    windows.samples += samples.states.size() - (first ? 1 : 0);
-    windows.max_window_samples = std::max(windows.max_window_samples, samples.states.size());
-    Segment segment = make_segment(scene, machine, std::move(blocks), sampling, std::move(samples));
-    const ShankContacts contacts =
-        shank_contacts(scene, design_w, {segment.samples, segment.T_wt_nominal});
-    all_contacts = first ? joined(all_contacts, contacts) : contacts;
-    if (!first) first = std::move(segment);
+  sampling.max_samples = held_ / 2;
+  sampling.before = last_state_;
+  const std::vector<program::SampleWindow> tool_windows =
+      divide_into_windows(tool.scene, *tool.path, machine, sampling, progress_);
+  segments.push_back(nominal_segment(tool.scene, std::move(machine), *tool.path, sampling, {}));
+  contacts_.reset();
+  for (const program::SampleWindow& blocks : tool_windows) {
+    if (progress_) progress_("sample", double(blocks.first) / double(tool.path->blocks.size()));
+    add_window(tool, blocks);
   }
-  first->path = path;
-  return {*std::move(first),
-          {},
-          {},
-          std::make_shared<const Windows>(std::move(windows)),
-          shank_warnings(scene, all_contacts)};
+  if (contacts_) add_warnings(sim::shank_warnings(tool.scene, *contacts_), shank_warnings);
 }
 
-/// Prepares the program of one tool, in windows if its samples exceed the budget.
-JobSegments prepare_single_tool(const Scene& scene, const program::Path& path,
-                                const cutting::Design& design_w, const MemoryBudget& memory_budget,
-                                const Progress& progress) {
-  const auto vertices = std::size_t(design_w.vertices.rows());
-  const std::size_t max_samples =
-      memory_budget.samples
-          ? std::min(memory_budget.samples(path.blocks.size(), vertices), max_program_samples())
-          : 0;
-  if (max_samples == 0)
-    return {make_segment(scene, path, {}, memory_budget.windows_obstacle), {}, {}};
-  Machine machine = make_machine(scene);
-  program::SampleOptions sampling = sample_options(scene, machine);
-  sampling.max_samples = max_samples;
+void WindowPreparation::add_window(const ToolProgram& tool, const program::SampleWindow& blocks) {
+  Segment& segment = segments.back();
+  program::Path path = path_of(*tool.path, blocks);
+  program::SampleOptions sampling = segment.sampling;
+  sampling.continued_from = blocks.continued_from;
+  program::Samples samples = sample(path, segment.machine.nominal, sampling);
+  check_travel(segment.machine, path, samples);
+  if (samples.states.empty()) return;
+  const bool is_first = windows.all.empty();
+  if (is_first) windows.lower = windows.upper = samples.states.front().q;
+  for (const AxisState& state : samples.states) {
+    windows.lower = windows.lower.cwiseMin(state.q);
+    windows.upper = windows.upper.cwiseMax(state.q);
+  }
+  last_state_ = samples.states.back();
+  // A window that continues another begins with its last sample.
+  windows.samples += samples.states.size() - (blocks.continued_from ? 1 : 0);
+  windows.max_window_samples = std::max(windows.max_window_samples, samples.states.size());
+  windows.all.push_back(
+      {segments.size() - 1, blocks, samples.states.front().time_s, last_state_.time_s});
+  std::vector<Pose> T_wt = nominal_poses(segment.machine, samples);
+  const ShankContacts contacts = shank_contacts(tool.scene, design_w_, {samples, T_wt});
+  contacts_ = contacts_ ? joined(*contacts_, contacts) : contacts;
+  if (!is_first) return;
+  segment.samples = std::move(samples);
+  segment.T_wt_nominal = std::move(T_wt);
+}
+
+/// Samples the programs of the tools, in windows if the samples exceed the budget.
+JobSegments sample_segments(const Scene& scene, const program::Path& path,
+                            const std::vector<ToolProgram>& programs, const ToolUse& use,
+                            const cutting::Design& design_w, const MemoryBudget& memory_budget,
+                            const Progress& progress) {
+  const std::size_t held =
+      memory_budget.samples ? std::min(memory_budget.samples(path.blocks.size(),
+                                                             std::size_t(design_w.vertices.rows())),
+                                       max_program_samples())
+                            : 0;
+  JobSegments result;
+  std::vector<Segment> segments;
   try {
-    program::Samples samples = program::sample(path, machine.nominal, sampling);
-    return {make_segment(scene, std::move(machine), path, sampling, std::move(samples)), {}, {}};
-  } catch (const program::TooManySamples&) {
-    return prepare_windows(scene, path, design_w, max_samples, progress);
+    segments = sample_tools(programs, held > 0 ? held : max_program_samples());
+  } catch (const program::TooManySamples& excess) {
+    if (held == 0)
+      throw too_many_samples_error(
+          scene, excess,
+          fmt::format("at most {} samples of the program, limited by memory",
+                      max_program_samples()),
+          memory_budget.windows_obstacle);
+    WindowPreparation preparation(design_w, held, progress);
+    for (const ToolProgram& tool : programs) preparation.add(tool);
+    segments = std::move(preparation.segments);
+    result.windows = std::make_shared<const Windows>(std::move(preparation.windows));
+    result.shank_warnings = std::move(preparation.shank_warnings);
   }
-}
-
-JobSegments prepare_tool_segments(const Scene& described, const Scene& scene,
-                                  const program::Path& path, const ToolUse& use) {
-  std::vector<Segment> segments = make_tool_segments(described, path, use);
-  Segment whole = joined(scene, path, segments, use);
-  return {std::move(whole), std::move(segments), {}};
+  if (all_tools(scene).size() == 1) {
+    result.whole = std::move(segments.front());
+  } else {
+    result.whole = joined(scene, path, segments, use);
+    result.by_tool = std::move(segments);
+  }
+  return result;
 }
 
 JobSegments prepare_segments(const Scene& described, const Program& program,
@@ -377,9 +411,8 @@ JobSegments prepare_segments(const Scene& described, const Program& program,
   const std::vector<ToolDescription> tools = all_tools(scene);
   ToolUse use = tool_use(program.path, tools);
   JobSegments segments =
-      tools.size() > 1
-          ? prepare_tool_segments(described, scene, program.path, use)
-          : prepare_single_tool(scene, program.path, design_w, memory_budget, progress);
+      sample_segments(scene, program.path, tool_programs(described, program.path, use), use,
+                      design_w, memory_budget, progress);
   segments.warnings.insert(segments.warnings.begin(), use.warnings.begin(), use.warnings.end());
   if (tools.size() == 1 && scene.program.tools)
     add_warnings(
@@ -394,7 +427,7 @@ JobSegments prepare_segments(const Scene& described, const Program& program,
           {segments.by_tool.empty() ? text
                                     : fmt::format("T{}: {}", *segment.scene.tool.number, text)},
           segments.warnings);
-  add_warnings(pole_warnings(scene, segments.whole.machine, program.path), segments.warnings);
+  add_warnings(pole_warnings(scene, segments.whole->machine, program.path), segments.warnings);
   add_warnings(segments.shank_warnings, segments.warnings);
   if (segments.windows) return segments;
   for (const Segment& segment : segments.parts())
@@ -427,17 +460,54 @@ void visit_segments(const Job& job, const std::function<void(const Segment& segm
 
 Segment make_window(const Job& job, std::size_t number) {
   stop_if_interrupted();
-  const program::SampleWindow& window = job.windows->all[number];
-  program::Path path = path_of(job.path, window);
-  program::SampleOptions sampling = job.sampling;
-  sampling.continued_from = window.continued_from;
-  program::Samples samples = sample(path, job.machine.nominal, sampling);
-  Scene scene = job.scene;
-  // The thermal history precedes the first window only.
-  if (number > 0) scene.signals.history_interval = 0.0;
-  return with_truth(
-      nominal_segment(std::move(scene), job.machine, std::move(path), sampling, std::move(samples)),
-      job.truth, job.body_m, {});
+  const Window& window = job.windows->all[number];
+  const Segment& tool = tool_segments(job)[window.segment];
+  program::Path path = path_of(tool.path, window.blocks);
+  program::SampleOptions sampling = tool.sampling;
+  sampling.continued_from = window.blocks.continued_from;
+  program::Samples samples = sample(path, tool.machine.nominal, sampling);
+  Segment result =
+      nominal_segment(tool.scene, tool.machine, std::move(path), sampling, std::move(samples));
+  result.truth = tool.truth;
+  result.body_m = tool.body_m;
+  return result;
+}
+
+std::vector<WindowRange> window_ranges(const Windows& windows) {
+  std::vector<WindowRange> ranges;
+  for (std::size_t i = 0; i < windows.all.size(); ++i) {
+    while (ranges.size() <= windows.all[i].segment) ranges.push_back({i, i});
+    ranges.back().last = i + 1;
+  }
+  return ranges;
+}
+
+Process windowed_process(const Job& job, std::size_t segment,
+                         const std::function<program::Samples(const Segment& window)>& samples,
+                         const WindowedProcess::PoseAt& pose, const kinematics::Chain& chain,
+                         const std::variant<cutting::Cutter, cutting::Nose>& tool, Process before,
+                         const Progress& progress) {
+  WindowedProcess process(std::move(before));
+  const WindowRange range = window_ranges(*job.windows)[segment];
+  const program::Path& path = tool_segments(job)[segment].path;
+  for (std::size_t i = range.first; i < range.last; ++i) {
+    const program::SampleWindow& blocks = job.windows->all[i].blocks;
+    if (progress) progress("stock", double(i) / double(job.windows->all.size()));
+    const Segment window = make_window(job, i);
+    const program::Samples window_samples = samples(window);
+    const bool is_continued = blocks.continued_from.has_value();
+    process.add(window.scene, window.machine, *window.body_m,
+                {window_samples,
+                 path,
+                 window.T_wt_nominal,
+                 {},
+                 chain,
+                 tool,
+                 is_continued,
+                 i + 1 < range.last},
+                is_continued ? blocks.first - 1 : blocks.first, pose);
+  }
+  return process.take();
 }
 
 const program::Path& path_of(const Segment& segment, const Commands& commands) {
@@ -473,18 +543,27 @@ void check_expected_work(const Scene& scene, const Part& part, const MemoryBudge
   if (const std::string text = work_remark(work); progress && !text.empty()) progress(text, -1.0);
 }
 
-/// Simulates the cut of the segments of a program, one after another, on the rigid, error-free
-/// machine.
-Process nominal_process(const cutting::Design& body_m, std::span<const Segment> segments,
-                        const Progress& progress) {
+/// Simulates the cut of the segments of a job, one after another, on the rigid, error-free machine.
+Process nominal_process(const Job& job, const Progress& progress) {
   Process process;
+  if (!job.scene.cutting) return process;
+  const auto segments = tool_segments(job);
   for (std::size_t i = 0; i < segments.size(); ++i) {
     const Segment& segment = segments[i];
+    const kinematics::Chain& chain = segment.machine.nominal;
+    if (job.windows) {
+      append_part(windowed_process(
+                      job, i, [](const Segment& window) { return window.samples; },
+                      [](const AxisState&, const Pose& T_wt, const errors::Load&) { return T_wt; },
+                      chain, segment.scene.tool.nominal, take_stock(process), progress),
+                  process);
+      continue;
+    }
     const auto pose = [&](std::size_t k, const errors::Load&) { return segment.T_wt_nominal[k]; };
     append_part(simulate_process(
-                    segment.scene, segment.machine, body_m,
-                    {segment.samples, segment.path, segment.T_wt_nominal, pose,
-                     segment.machine.nominal, segment.scene.tool.nominal},
+                    segment.scene, segment.machine, *job.body_m,
+                    {segment.samples, segment.path, segment.T_wt_nominal, pose, chain,
+                     segment.scene.tool.nominal},
                     [&](double fraction) {
                       if (progress)
                         progress("stock", (double(i) + fraction) / double(segments.size()));
@@ -493,6 +572,18 @@ Process nominal_process(const cutting::Design& body_m, std::span<const Segment> 
                 process);
   }
   return process;
+}
+
+/// Returns the activity of the machine of a scene along the program of a job. Heat needs that of
+/// the whole program, since every tool warms the same machine.
+std::vector<errors::Activity> job_activity(const Job& job, const Scene& scene) {
+  const auto visit = [&](const auto& use) {
+    if (!job.windows) return use(job.samples, 0);
+    visit_segments(job, [&](const Segment& window) {
+      use(window.samples, window.sampling.continued_from ? 1 : 0);
+    });
+  };
+  return activity(scene, make_machine(scene), visit, job.nominal_process);
 }
 
 }  // namespace
@@ -514,29 +605,26 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
   report_begin("sample");
   JobSegments segments =
       prepare_segments(described, program, part.design_w, memory_budget, progress);
-  Segment& whole = segments.whole;
   std::vector<std::string>& warnings = segments.warnings;
   const double sample_s = watch.lap();
   check_field(scene, part.design_w);
-  Process process = nominal_process(part.body_m, segments.parts(), progress);
-  const double stock_s = watch.lap();
-  add_warnings(process.warnings, warnings);
-  report_begin("heat");
-  const auto body_m = std::make_shared<const cutting::Design>(std::move(part.body_m));
-  // Heat needs the activity of the whole program, since every tool warms the same machine.
-  const std::vector<errors::Activity> activities =
-      activity(scene, whole.machine, whole.samples, process);
-  const auto complete = [&](Segment segment, Process segment_process) {
-    Truth truth = make_truth(segment.scene, segment.machine, activities);
-    return with_truth(std::move(segment), std::move(truth), body_m, std::move(segment_process));
-  };
-  Job job{complete(std::move(whole), std::move(process)), part.design_w};
-  for (Segment& segment : segments.by_tool)
-    job.segments.push_back(
-        complete(std::move(segment), part_process(job.nominal_process, job.segments.size())));
-  const std::vector<FeedUse> uses = previous_uses(tool_runs(job));
-  for (std::size_t i = 0; i < job.segments.size(); ++i) job.segments[i].previous_use = uses[i];
+  Job job{*std::move(segments.whole), part.design_w};
+  job.segments = std::move(segments.by_tool);
   job.windows = std::move(segments.windows);
+  job.body_m = std::make_shared<const cutting::Design>(std::move(part.body_m));
+  for (Segment& segment : job.segments) segment.body_m = job.body_m;
+  job.nominal_process = nominal_process(job, progress);
+  for (std::size_t i = 0; i < job.segments.size(); ++i)
+    job.segments[i].nominal_process = part_process(job.nominal_process, i);
+  const double stock_s = watch.lap();
+  add_warnings(job.nominal_process.warnings, warnings);
+  report_begin("heat");
+  const std::vector<errors::Activity> activities = job_activity(job, scene);
+  complete(job, activities);
+  for (Segment& segment : job.segments) complete(segment, activities);
+  const std::vector<FeedUse> uses = previous_uses(tool_runs(job));
+  for (std::size_t i = 0; i < std::min(uses.size(), job.segments.size()); ++i)
+    job.segments[i].previous_use = uses[i];
   job.body_w = std::make_shared<const cutting::WallThickness>(part.design_w);
   if (progress && job.windows)
     progress(fmt::format("{} samples do not fit in memory at once: run in {} windows",
@@ -584,8 +672,7 @@ void set_errors(Segment& segment, Scene scene, const std::vector<errors::Activit
 
 Job replace_errors(Job job, const Scene& described) {
   const Scene scene = with_run_out(described);
-  const std::vector<errors::Activity> activities =
-      activity(scene, make_machine(scene), job.samples, job.nominal_process);
+  const std::vector<errors::Activity> activities = job_activity(job, scene);
   for (Segment& segment : job.segments)
     set_errors(segment, with_run_out(select_tool(described, *segment.scene.tool.number)),
                activities);

@@ -6,13 +6,14 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "cutting/part/recognition.h"
 #include "cutting/surface/surface.h"
 #include "sim/cut/commands.h"
 #include "sim/cut/part_regions.h"
-#include "sim/cut/process.h"
+#include "sim/cut/process_simulation.h"
 #include "sim/cut/tool_use.h"
 #include "sim/files/progress.h"
 #include "sim/machine/truth.h"
@@ -48,9 +49,16 @@ struct SampledSurface {
   ExcludedArea excluded_area = {};
 };
 
+/// A window of a program: blocks of one tool.
+struct Window {
+  std::size_t segment = 0;            ///< index in `tool_segments`
+  program::SampleWindow blocks;       ///< of the path of that segment
+  double start_s = 0.0, end_s = 0.0;  ///< times of its first and last sample
+};
+
 /// The division of a program into windows, if its samples exceed the memory.
 struct Windows {
-  std::vector<program::SampleWindow> all;
+  std::vector<Window> all;              ///< in the order of the program
   std::size_t samples = 0;              ///< of all windows
   std::size_t max_window_samples = 0;   ///< of the longest window
   kinematics::AxisVector lower, upper;  ///< range in which the axes move
@@ -96,8 +104,8 @@ struct Job : Segment {
   std::vector<Segment> segments = {};  ///< of a program with several tools, in its order; empty
                                        ///< with one tool
   FaceGroups face_groups = {};         ///< of a mesh, for the regions of the part
-  /// Windows of a program of one milling tool whose samples exceed the memory. `samples` and
-  /// `T_wt_nominal` then have only the first window.
+  /// Windows of a milling program whose samples exceed the memory. `samples` and `T_wt_nominal`
+  /// then have only the first window, in the job and in its first segment.
   std::shared_ptr<const Windows> windows = {};
 };
 
@@ -115,6 +123,25 @@ void visit_segments(const Job& job, const std::function<void(const Segment& segm
 /// Returns a window as a segment of its own.
 /// @param number  index in job.windows
 Segment make_window(const Job& job, std::size_t number);
+
+/// The windows of one segment of a job: [first, last) in job.windows.
+struct WindowRange {
+  std::size_t first = 0, last = 0;
+};
+/// Returns the windows of each of `tool_segments`.
+std::vector<WindowRange> window_ranges(const Windows& windows);
+
+/// Simulates the cut of one segment of a job in windows.
+/// @param samples  returns the samples of a window, commanded or nominal
+/// @param pose     returns the pose of its tool
+/// @param chain    and
+/// @param tool     are actual or nominal
+/// @param before   has the stock that the tools before have left; without one the blank is cut
+Process windowed_process(const Job& job, std::size_t segment,
+                         const std::function<program::Samples(const Segment& window)>& samples,
+                         const WindowedProcess::PoseAt& pose, const kinematics::Chain& chain,
+                         const std::variant<cutting::Cutter, cutting::Nose>& tool, Process before,
+                         const Progress& progress = {});
 
 /// Limit on the samples of a program held in memory.
 struct MemoryBudget {

@@ -343,49 +343,72 @@ Activity phase_activity(const ThermalPhase& phase, const ThermalDescription& the
   return activity;
 }
 
-/// Appends the activity of a program, then of the machine at rest. The program is divided into
-/// intervals with mean speeds, which suffice because temperatures follow slowly.
-void append_program(std::vector<Activity>& knots, const ThermalDescription& thermal,
-                    const program::Samples& samples, CuttingEnergy energy, const Machine& machine) {
-  const auto& states = samples.states;
-  std::size_t first = 0;
-  while (first + 1 < states.size()) {
-    const double from_s = states[first].time_s;
-    kinematics::AxisVector travel = kinematics::AxisVector::Zero(states[first].q.size());
-    double spindle_angle = 0.0;
-    std::size_t last = first;
-    while (last + 1 < states.size() &&
-           (last == first || states[last].time_s - from_s < thermal.interval)) {
-      travel += (states[last + 1].q - states[last].q).cwiseAbs();
-      spindle_angle +=
-          states[last + 1].spindle_speed * (states[last + 1].time_s - states[last].time_s);
-      ++last;
+/// Divides a program into intervals with mean speeds, which suffice because temperatures follow
+/// slowly, and appends their activity. The samples are added one by one.
+class ProgramActivity {
+ public:
+  ProgramActivity(const ThermalDescription& thermal, const Machine& machine, const Process& process,
+                  std::vector<Activity>& knots)
+      : thermal_(thermal), machine_(machine), energy_(process), knots_(knots) {}
+
+  void add(const kinematics::AxisState& state) {
+    if (has_moved_ && last_->time_s - from_s_ >= thermal_.interval) end_interval();
+    if (!last_) {
+      travel_ = kinematics::AxisVector::Zero(state.q.size());
+      from_s_ = state.time_s;
+    } else {
+      travel_ += (state.q - last_->q).cwiseAbs();
+      spindle_angle_ += state.spindle_speed * (state.time_s - last_->time_s);
+      has_moved_ = true;
     }
-    const double duration = states[last].time_s - from_s;
-    first = last;
-    if (duration <= 0.0) continue;
-    kinematics::AxisVector axis_speeds = travel / duration;
-    for (int j = 0; j < machine.nominal.size(); ++j)  // spindles have a heat law of their own
-      if (is_spindle(machine, j)) axis_speeds[j] = 0.0;
-    Activity interval_activity = phase_activity(
-        {duration, spindle_angle / duration, axis_speeds, thermal.powered, thermal.coolant},
-        thermal);
-    interval_activity.cutting_power_W = energy.energy_until(states[last].time_s) / duration;
-    append_knots(knots, thermal, interval_activity, from_s, states[last].time_s);
+    last_ = state;
   }
-  if (states.empty()) return;
-  // The run continues with the activity of the last knot.
-  const kinematics::AxisVector zero_speeds = kinematics::AxisVector::Zero(states.back().q.size());
-  const double end_s = states.back().time_s;
-  append_knots(knots, thermal,
-               phase_activity({0.0, 0.0, zero_speeds, thermal.powered, false}, thermal), end_s,
-               end_s);
-}
+
+  /// Appends the last interval, then the machine at rest.
+  void finish() {
+    if (!last_) return;
+    if (has_moved_) end_interval();
+    const kinematics::AxisVector zero_speeds = kinematics::AxisVector::Zero(last_->q.size());
+    // The run continues with the activity of the last knot.
+    append_knots(knots_, thermal_,
+                 phase_activity({0.0, 0.0, zero_speeds, thermal_.powered, false}, thermal_),
+                 last_->time_s, last_->time_s);
+  }
+
+ private:
+  void end_interval() {
+    const double duration = last_->time_s - from_s_;
+    if (duration > 0.0) {
+      kinematics::AxisVector axis_speeds = travel_ / duration;
+      for (int j = 0; j < machine_.nominal.size(); ++j)  // spindles have a heat law of their own
+        if (is_spindle(machine_, j)) axis_speeds[j] = 0.0;
+      Activity interval = phase_activity(
+          {duration, spindle_angle_ / duration, axis_speeds, thermal_.powered, thermal_.coolant},
+          thermal_);
+      interval.cutting_power_W = energy_.energy_until(last_->time_s) / duration;
+      append_knots(knots_, thermal_, interval, from_s_, last_->time_s);
+    }
+    from_s_ = last_->time_s;
+    travel_.setZero();
+    spindle_angle_ = 0.0;
+    has_moved_ = false;
+  }
+
+  const ThermalDescription& thermal_;
+  const Machine& machine_;
+  CuttingEnergy energy_;
+  std::vector<Activity>& knots_;
+  std::optional<kinematics::AxisState> last_;
+  double from_s_ = 0.0;  // start of the interval
+  kinematics::AxisVector travel_;
+  double spindle_angle_ = 0.0;
+  bool has_moved_ = false;
+};
 
 }  // namespace
 
 std::vector<Activity> activity(const Scene& scene, const Machine& machine,
-                               const program::Samples& samples, const Process& process) {
+                               const SamplesVisitor& visit_samples, const Process& process) {
   std::vector<Activity> knots;
   if (!scene.thermal) return knots;
   const ThermalDescription& thermal = *scene.thermal;
@@ -396,7 +419,12 @@ std::vector<Activity> activity(const Scene& scene, const Machine& machine,
     append_knots(knots, thermal, phase_activity(phase, thermal), time_s, end_s);
     time_s = end_s;
   }
-  append_program(knots, thermal, samples, CuttingEnergy(process), machine);
+  ProgramActivity program(thermal, machine, process, knots);
+  if (visit_samples)
+    visit_samples([&](const program::Samples& samples, std::size_t first) {
+      for (std::size_t i = first; i < samples.states.size(); ++i) program.add(samples.states[i]);
+    });
+  program.finish();
   // A machine without history and program is at rest in the room.
   if (knots.empty()) {
     ThermalPhase rest_phase;

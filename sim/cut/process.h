@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -106,13 +107,19 @@ std::vector<std::string> idle_warnings(const Scene& scene);
 /// Returns warnings about the cutting process itself.
 std::vector<std::string> process_warnings(const Scene& scene, const Process& process);
 
+/// Calls `use` for the samples of each window of a program in order, or for those of the whole
+/// program; of a window that begins with the last sample of the one before, `first` is 1.
+using SamplesVisitor = std::function<void(
+    const std::function<void(const program::Samples& samples, std::size_t first)>& use)>;
+
 /// Returns the activity of a machine with heat from the beginning of its history to the end of its
 /// program: the phases of the history; the program in intervals of the scene, with mean speeds and
 /// mean cutting power; finally the machine at rest. An interval has two knots, since speeds jump.
 /// Empty for a scene without heat.
+/// @param visit_samples  of the program; empty if none runs
 /// @param process  of the nominal machine, for the cutting power; empty if nothing is cut
 std::vector<errors::Activity> activity(const Scene& scene, const Machine& machine,
-                                       const program::Samples& samples, const Process& process);
+                                       const SamplesVisitor& visit_samples, const Process& process);
 
 /// Returns warnings about implausible heat, one sentence each: a node outside -40 to 150 deg C, a
 /// spindle that runs more than five times as fast as the speed at which its heat is stated or, in

@@ -87,7 +87,7 @@ bool is_rapid(const program::Samples& samples, const program::Path& path, std::s
 
 std::vector<std::size_t> milling_steps(const program::Samples& samples, const program::Path& path,
                                        const std::vector<kinematics::Pose>& T_wt, double step,
-                                       double reach) {
+                                       double reach, bool continues) {
   constexpr double sharp_corner = 0.1;  // rad; a step over a sharper corner would cut it off
   const auto tip = [&](std::size_t i) -> Eigen::Vector3d { return T_wt[i].translation(); };
   const auto axis = [&](std::size_t i) -> Eigen::Vector3d { return T_wt[i].linear().col(2); };
@@ -99,6 +99,7 @@ std::vector<std::size_t> milling_steps(const program::Samples& samples, const pr
     travel +=
         (tip(i) - tip(i - 1)).norm() + reach * kinematics::angle_between(axis(i), axis(i - 1));
     const bool is_last = i + 1 == sample_count;
+    if (is_last && continues) break;
     if (travel < step && !is_last && is_rapid_at(i) == is_rapid_at(i + 1)) {
       const Eigen::Vector3d incoming = tip(i) - tip(steps.back()), outgoing = tip(i + 1) - tip(i);
       if (kinematics::angle_between(incoming, outgoing) < sharp_corner) continue;
@@ -445,13 +446,17 @@ Process simulate_milling(const Scene& scene, const Machine& machine,
                          const std::function<void(double)>& progress, Process before) {
   const CuttingDescription& description = *scene.cutting;
   const auto& cutter = std::get<cutting::Cutter>(program.tool);
-  Process process = before.stock ? take_stock(before) : milling_blank(scene, design_m);
+  Process process = program.is_continued ? std::move(before)
+                    : before.stock       ? take_stock(before)
+                                         : milling_blank(scene, design_m);
   const auto spindle = find_spindle(machine);
   if (description.material && !spindle)
     throw std::invalid_argument("a machine with a spindle nose s for cutting forces");
-  Pose T_before = program.pose(0, {});
-  const std::vector<std::size_t> step_samples = milling_steps(
-      program.samples, program.path, program.T_wt, description.step, cutter.flank_length);
+  const bool has_step = program.is_continued && !process.steps.empty();
+  Pose T_before = program.pose(0, has_step ? process.steps.back().load : Load{});
+  const std::vector<std::size_t> step_samples =
+      milling_steps(program.samples, program.path, program.T_wt, description.step,
+                    cutter.flank_length, program.continues);
   for (std::size_t k = 1; k < step_samples.size(); ++k) {
     const MillingSample cut{
         description,        program, cutter, *process.stock, step_samples[k - 1], step_samples[k],
@@ -612,7 +617,8 @@ Process simulate_turning(const Scene& scene, const Machine& machine, const Follo
 Process simulate_process(const Scene& scene, const Machine& machine,
                          const cutting::Design& design_m, const FollowedProgram& program,
                          const std::function<void(double)>& progress, Process before) {
-  if (!scene.cutting || program.samples.states.empty()) return take_stock(before);
+  if (!scene.cutting || program.samples.states.empty())
+    return program.is_continued ? std::move(before) : take_stock(before);
   try {
     if (std::holds_alternative<cutting::Cutter>(program.tool))
       return simulate_milling(scene, machine, design_m, program, progress, std::move(before));
@@ -623,6 +629,34 @@ Process simulate_process(const Scene& scene, const Machine& machine,
     throw BadInput(scene.file.string(), 0, 0, "a blank that fits in [cutting] max_MiB",
                    error.what());
   }
+}
+
+void WindowedProcess::add(const Scene& scene, const Machine& machine,
+                          const cutting::Design& design_m, const FollowedProgram& window,
+                          std::size_t first_block, const PoseAt& pose) {
+  if (!scene.cutting) return;
+  const program::Samples& samples = window.samples;
+  for (std::size_t i = window.is_continued ? 1 : 0; i < samples.states.size(); ++i) {
+    samples_.states.push_back(samples.states[i]);
+    samples_.line.push_back(samples.line[i]);
+    samples_.block.push_back(samples.block[i] + int(first_block));
+    T_wt_.push_back(window.T_wt[i]);
+  }
+  const auto pose_at = [&](std::size_t i, const Load& load) {
+    return pose(samples_.states[i], T_wt_[i], load);
+  };
+  process_ = simulate_process(scene, machine, design_m,
+                              {samples_, window.path, T_wt_, pose_at, window.chain, window.tool,
+                               window.is_continued, window.continues},
+                              {}, std::move(process_));
+  const auto last_step = std::ptrdiff_t(
+      milling_steps(samples_, window.path, T_wt_, scene.cutting->step,
+                    std::get<cutting::Cutter>(window.tool).flank_length, window.continues)
+          .back());
+  samples_.states.erase(samples_.states.begin(), samples_.states.begin() + last_step);
+  samples_.line.erase(samples_.line.begin(), samples_.line.begin() + last_step);
+  samples_.block.erase(samples_.block.begin(), samples_.block.begin() + last_step);
+  T_wt_.erase(T_wt_.begin(), T_wt_.begin() + last_step);
 }
 
 }  // namespace abbe::sim

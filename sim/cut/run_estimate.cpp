@@ -99,7 +99,8 @@ WorkSize work_size(const Job& job) {
           job.scene.cutting.has_value(),
           !job.program_text.empty(),
           job.scene.collision.is_enabled,
-          job.windows ? double(job.windows->max_window_samples) : 0.0};
+          job.windows ? double(job.windows->max_window_samples) : 0.0,
+          job.windows ? double(job.nominal_process.steps.size()) : 0.0};
 }
 
 std::vector<Stage> scene_preparation_stages(const std::string& part, const WorkSize& size) {
@@ -217,7 +218,9 @@ double samples_in_memory(const WorkSize& job) {
 
 /// Returns the bytes of a job at rest, without its vertices.
 double job_bytes(const WorkSize& job) {
-  return bytes_of_block * job.blocks + bytes_of_sample * samples_in_memory(job);
+  // The steps of a job in windows are held twice: those of the program and those of each tool.
+  return bytes_of_block * job.blocks + bytes_of_sample * samples_in_memory(job) +
+         2.0 * sizeof(ProcessStep) * job.window_steps;
 }
 
 double track_bytes(const WorkSize& job, const CaseRequest& request) {
@@ -229,8 +232,9 @@ double cutting_bytes(const WorkSize& job, const CaseRequest& request) {
   if (job.stock) sample_bytes += bytes_of_sample_in_stock;
   if (request.compensated) sample_bytes += bytes_of_sample_corrected;
   if (request.rewritten) sample_bytes += bytes_of_sample_rewritten;
-  const double case_bytes =
-      sample_bytes * samples_in_memory(job) + bytes_of_vertex_cut * job.vertices;
+  const double case_bytes = sample_bytes * samples_in_memory(job) +
+                            bytes_of_vertex_cut * job.vertices +
+                            3.0 * sizeof(ProcessStep) * job.window_steps;
   return job_bytes(job) + request.max_parallel * case_bytes + track_bytes(job, request) +
          bytes_of_vertex_kept * request.kept * job.vertices;
 }

@@ -21,6 +21,7 @@ struct WorkSize {
   bool generated = false;       ///< true if the program is generated
   bool collisions = false;      ///< true if collisions are searched
   double window_samples = 0.0;  ///< number of samples held at once, of a job in windows; 0: all
+  double window_steps = 0.0;    ///< number of steps of the cutting process of a job in windows
 };
 /// Returns a rough size of a scene before it is prepared.
 WorkSize expected_size(const Scene& scene);

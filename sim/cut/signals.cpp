@@ -50,15 +50,6 @@ class SignalTable {
   std::vector<VectorXd> values_;
 };
 
-/// The state of the machine in a row of the signals.
-struct SignalRow {
-  AxisState state;
-  int line = 0;
-  errors::Load load;
-  Pose T_wt_target;
-  std::size_t sample = 0;
-};
-
 /// Returns the spindle speed, rad/s, at an instant of the history.
 double history_speed(const Truth& truth, double time_s) {
   const auto& knots = truth.heat->run.knots;
@@ -68,41 +59,22 @@ double history_speed(const Truth& truth, double time_s) {
   return next_knot == knots.begin() ? 0.0 : (next_knot - 1)->spindle_speed;
 }
 
-void add_history(std::vector<SignalRow>& rows, const Scene& scene, const Truth& truth,
-                 const SignalInputs& inputs) {
-  if (!truth.heat || !(scene.signals.history_interval > 0.0)) return;
+/// Returns the rows of the history, with the axes as at the start of the program.
+std::vector<SignalRow> history_rows(const Scene& scene, const Truth& truth,
+                                    const SignalRow& start) {
+  std::vector<SignalRow> rows;
+  if (!truth.heat || !(scene.signals.history_interval > 0.0)) return rows;
   const double start_s = truth.heat->run.knots.front().time_s;
   const double interval_s =
       std::max(scene.signals.history_interval, -start_s / double(max_rows - 1));
   // The rows are at whole multiples of the interval before the program.
   for (double multiple = std::floor(-start_s / interval_s); multiple >= 1.0; --multiple) {
-    SignalRow row{inputs.samples.states.front(), 0, {}, inputs.T_wt_target.front(), 0};
+    SignalRow row = start;
     row.state.time_s = -multiple * interval_s;
     row.state.spindle_speed = history_speed(truth, row.state.time_s);
     rows.push_back(row);
   }
-}
-
-/// Adds the samples nearest to whole multiples of the interval.
-void add_program(std::vector<SignalRow>& rows, const Scene& scene, const SignalInputs& inputs) {
-  const auto& states = inputs.samples.states;
-  const double start_s = states.front().time_s, duration_s = states.back().time_s - start_s;
-  const double interval_s = std::max(scene.signals.interval, duration_s / double(max_rows - 1));
-  std::size_t sample = 0;
-  std::optional<std::size_t> last_sample;
-  for (std::size_t multiple = 0; multiple < max_rows && last_sample != states.size() - 1;
-       ++multiple) {
-    const double target_s = start_s + double(multiple) * interval_s;
-    while (sample + 1 < states.size() && std::abs(states[sample + 1].time_s - target_s) <=
-                                             std::abs(states[sample].time_s - target_s))
-      ++sample;
-    // A sample may be the nearest to two multiples.
-    if (last_sample == sample) continue;
-    last_sample = sample;
-    rows.push_back({states[sample], inputs.samples.line[sample],
-                    inputs.loads.empty() ? errors::Load{} : inputs.loads[sample],
-                    inputs.T_wt_target[sample], sample});
-  }
+  return rows;
 }
 
 /// Returns the readings of an instrument with noise, rounded to its resolution.
@@ -166,24 +138,22 @@ void add_axes(SignalTable& table, const Scene& scene, const Machine& machine,
 }
 
 void add_corrections(SignalTable& table, const Machine& machine, const std::vector<SignalRow>& rows,
-                     const SignalInputs& inputs) {
+                     std::span<const kinematics::AxisVector> correction,
+                     std::span<const double> stroke) {
   VectorXd column(Eigen::Index(rows.size()));
   const auto add = [&](std::string name, const auto& value_at) {
     for (std::size_t i = 0; i < rows.size(); ++i)
       column[Eigen::Index(i)] = value_at(rows[i].sample);
     table.add(std::move(name), column);
   };
-  for (int j = 0; j < machine.nominal.size() && !inputs.correction.empty(); ++j) {
+  for (int j = 0; j < machine.nominal.size() && !correction.empty(); ++j) {
     if (is_spindle(machine, j)) continue;
     const Joint& joint = machine.nominal.joints()[std::size_t(j)];
     const bool is_slide = joint.motion == Motion::Linear;
     add(joint.name + std::string(is_slide ? "_correction_um" : "_correction_urad"),
-        [&](std::size_t i) {
-          return inputs.correction[i][j] / (is_slide ? units::um : units::urad);
-        });
+        [&](std::size_t i) { return correction[i][j] / (is_slide ? units::um : units::urad); });
   }
-  if (!inputs.stroke.empty())
-    add("piezo_um", [&](std::size_t i) { return inputs.stroke[i] / units::um; });
+  if (!stroke.empty()) add("piezo_um", [&](std::size_t i) { return stroke[i] / units::um; });
 }
 
 void add_heat(SignalTable& table, const Scene& scene, const Truth& truth, const VectorXd& time_s) {
@@ -315,14 +285,57 @@ void add_deviations(SignalTable& table, const Machine& machine, const Eigen::Mat
 
 }  // namespace
 
+bool has_signals(const Scene& scene, bool has_channel) {
+  return scene.thermal || scene.cutting || scene.compliance || has_channel;
+}
+
+SignalSamples::SignalSamples(double interval_s, double start_s, double end_s)
+    : interval_s_(std::max(interval_s, (end_s - start_s) / double(max_rows - 1))),
+      start_s_(start_s) {}
+
+void SignalSamples::pick(const std::vector<AxisState>& states, bool is_continued, bool continues,
+                         const std::function<void(std::size_t sample)>& use) {
+  if (!is_continued) is_picked_ = false;
+  const std::size_t last = states.size() - 1;
+  for (std::size_t sample = 0; !is_complete_;) {
+    if (sample == last && continues) return;  // the next window decides about its last sample
+    const double target_s = start_s_ + double(multiple_) * interval_s_;
+    if (sample < last && std::abs(states[sample + 1].time_s - target_s) <=
+                             std::abs(states[sample].time_s - target_s)) {
+      ++sample;
+      is_picked_ = false;
+      continue;
+    }
+    // A sample may be the nearest to two multiples.
+    if (!is_picked_) use(sample);
+    is_picked_ = true;
+    is_complete_ = ++multiple_ == max_rows || sample == last;
+  }
+}
+
 Signals signals(const Scene& scene, const Machine& machine, const Truth& truth,
                 const SignalInputs& inputs) {
-  const bool channel = !inputs.correction.empty() || !inputs.stroke.empty();
-  if (!scene.thermal && !scene.cutting && !scene.compliance && !channel) return {};
-  if (inputs.samples.states.empty()) return {};
+  const auto& states = inputs.samples.states;
+  const bool has_channel = !inputs.correction.empty() || !inputs.stroke.empty();
+  if (states.empty() || !has_signals(scene, has_channel)) return {};
+  const SignalRow start{states.front(), 0, {}, inputs.T_wt_target.front(), 0};
   std::vector<SignalRow> rows;
-  add_history(rows, scene, truth, inputs);
-  add_program(rows, scene, inputs);
+  SignalSamples(scene.signals.interval, states.front().time_s, states.back().time_s)
+      .pick(states, false, false, [&](std::size_t i) {
+        rows.push_back({states[i], inputs.samples.line[i],
+                        inputs.loads.empty() ? errors::Load{} : inputs.loads[i],
+                        inputs.T_wt_target[i], i});
+      });
+  return signals(scene, machine, truth, start, std::move(rows), inputs.process, inputs.correction,
+                 inputs.stroke);
+}
+
+Signals signals(const Scene& scene, const Machine& machine, const Truth& truth,
+                const SignalRow& start, std::vector<SignalRow> rows, const Process& process,
+                std::span<const kinematics::AxisVector> correction,
+                std::span<const double> stroke) {
+  const std::vector<SignalRow> history = history_rows(scene, truth, start);
+  rows.insert(rows.begin(), history.begin(), history.end());
   const Eigen::Index n = Eigen::Index(rows.size());
   VectorXd time_s(n), line(n), spindle_speed(n);
   for (Eigen::Index i = 0; i < n; ++i) {
@@ -334,10 +347,10 @@ Signals signals(const Scene& scene, const Machine& machine, const Truth& truth,
   table.add("time_s", time_s);
   table.add("line", line);
   add_axes(table, scene, machine, rows);
-  add_corrections(table, machine, rows, inputs);
+  add_corrections(table, machine, rows, correction, stroke);
   table.add("spindle_rpm", spindle_speed / units::rpm);
   add_heat(table, scene, truth, time_s);
-  add_process(table, scene, inputs.process, time_s, spindle_speed);
+  add_process(table, scene, process, time_s, spindle_speed);
   Eigen::MatrixXd deviation(n, 12 * machine.nominal.size() + 18);
   tbb::parallel_for(Eigen::Index(0), n, [&](Eigen::Index i) {
     deviation.row(i) = deviation_row(truth, machine, rows[std::size_t(i)]);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <span>
 #include <string>
 #include <vector>
@@ -19,6 +20,10 @@ struct Signals {
   Eigen::MatrixXd rows;              ///< (n x m)
 };
 
+/// Returns true if a run has signals: with heat, stock, compliance or a channel.
+/// @param has_channel  true if a channel corrects the run
+bool has_signals(const Scene& scene, bool has_channel);
+
 /// The data of a run for its signals.
 struct SignalInputs {
   const program::Samples& samples;                   ///< as commanded
@@ -28,6 +33,34 @@ struct SignalInputs {
   /// (samples) corrections that a channel adds to the commands; empty without one
   std::span<const kinematics::AxisVector> correction = {};
   std::span<const double> stroke = {};  ///< (samples) mm, of a piezo; empty without one
+};
+
+/// The state of the machine in a row of the signals.
+struct SignalRow {
+  kinematics::AxisState state;
+  int line = 0;
+  errors::Load load;
+  kinematics::Pose T_wt_target;
+  std::size_t sample = 0;
+};
+
+/// Picks the samples of a program nearest to the whole multiples of an interval, at most 20 000.
+/// The program may come in windows.
+class SignalSamples {
+ public:
+  SignalSamples(double interval_s, double start_s, double end_s);
+
+  /// Calls `use` with the number of each sample that is picked.
+  /// @param is_continued  true if the first sample is the last of the window before
+  /// @param continues     true if further samples follow
+  void pick(const std::vector<kinematics::AxisState>& states, bool is_continued, bool continues,
+            const std::function<void(std::size_t sample)>& use);
+
+ private:
+  double interval_s_, start_s_;
+  std::size_t multiple_ = 0;
+  bool is_picked_ = false;  // the nearest sample so far
+  bool is_complete_ = false;
 };
 
 /// Returns rows at the samples nearest to the whole multiples of the scene's interval, at most 20
@@ -48,6 +81,13 @@ struct SignalInputs {
 /// without heat, force, compliance and channel.
 Signals signals(const Scene& scene, const Machine& machine, const Truth& truth,
                 const SignalInputs& inputs);
+
+/// Returns the same table of the rows of a program, to which the rows of the history are added.
+/// @param start  state at the start of the program, for the history
+Signals signals(const Scene& scene, const Machine& machine, const Truth& truth,
+                const SignalRow& start, std::vector<SignalRow> rows, const Process& process,
+                std::span<const kinematics::AxisVector> correction = {},
+                std::span<const double> stroke = {});
 
 /// Appends the rows of the second table to the first. A column that only one of them has is zero
 /// for the other.

@@ -80,51 +80,68 @@ double add_contacts(PassGradients& contacts, const PassGradients& additional,
   return max_travel;
 }
 
+/// The sweep of one of several tools.
+struct SweepOfSeveral {
+  cutting::SurfaceFunction surface;
+  /// Returns the contacts of this tool at the vertices that it has cut.
+  std::function<PassGradients(const Design& design_w, const Surface& surface)> contacts;
+};
+
 /// Returns the contact at each vertex with the tool that has cut it. The path length of each tool
 /// continues that of the tool before.
 PassGradients joined_contacts(const Design& design_w, const Surface& surface,
-                              const std::vector<ToolSweep>& sweeps,
-                              const std::vector<Sweep>& tool_sweeps) {
+                              const std::vector<SweepOfSeveral>& sweeps) {
   constexpr double between_tools = 1e6;  // mm of path length, so that two tools never share a pass
   PassGradients merged = no_contacts(design_w);
   double previous_travel = 0.0;
-  for (std::size_t k = 0; k < tool_sweeps.size(); ++k) {
-    const PassGradients sweep_contacts =
-        tool_sweeps[k].contacts(design_w, restrict_to_sweep(surface, sweeps[k].samples));
-    previous_travel = add_contacts(merged, sweep_contacts, previous_travel) + between_tools;
-  }
+  for (const SweepOfSeveral& sweep : sweeps)
+    previous_travel =
+        add_contacts(merged, sweep.contacts(design_w, surface), previous_travel) + between_tools;
   return merged;
+}
+
+/// Returns the sweep of several tools.
+Sweep combined(std::vector<SweepOfSeveral> sweeps, double band) {
+  std::vector<cutting::SurfaceFunction> surfaces;
+  for (const SweepOfSeveral& sweep : sweeps) surfaces.push_back(sweep.surface);
+  return {[surfaces, band](const Design& design_w) {
+            return cutting::combined_surface(design_w, surfaces, band);
+          },
+          [sweeps = std::move(sweeps)](const Design& design_w, const Surface& surface) {
+            return joined_contacts(design_w, surface, sweeps);
+          }};
+}
+
+/// Returns the options for one of several tools, which reports its part of the progress.
+SurfaceOptions options_of_tool(const SurfaceOptions& options, std::size_t tool, std::size_t tools) {
+  SurfaceOptions result{.band = options.band, .progress = {}, .body = options.body};
+  if (options.progress)
+    result.progress = [progress = options.progress, tool, tools](double fraction) {
+      progress((double(tool) + fraction) / double(tools));
+    };
+  return result;
 }
 
 }  // namespace
 
 Sweep make_sweep(std::vector<ToolSweep> sweeps, const SurfaceOptions& options) {
   if (sweeps.size() == 1) return single_tool_sweep(sweeps.front(), options);
-  std::vector<Sweep> tool_sweeps;
+  std::vector<SweepOfSeveral> several;
   for (std::size_t i = 0; i < sweeps.size(); ++i) {
-    SurfaceOptions tool_options{.band = options.band, .progress = {}, .body = options.body};
-    if (options.progress)
-      tool_options.progress = [progress = options.progress, i,
-                               sweep_count = sweeps.size()](double fraction) {
-        progress((double(i) + fraction) / double(sweep_count));
-      };
-    tool_sweeps.push_back(single_tool_sweep(sweeps[i], tool_options));
-  }
-  std::vector<cutting::SurfaceFunction> surfaces;
-  for (std::size_t i = 0; i < sweeps.size(); ++i)
+    const Sweep prepared = single_tool_sweep(sweeps[i], options_of_tool(options, i, sweeps.size()));
     // A search for gouges with a wider band is rare, so only the default band is prepared.
-    surfaces.push_back([prepared = tool_sweeps[i].surface, sweep = sweeps[i],
-                        default_band = options.band](const Design& design_w, double band) {
-      if (band == default_band) return prepared(design_w);
-      return single_tool_sweep(sweep, {.band = band, .progress = {}}).surface(design_w);
-    });
-  return {
-      [surfaces, band = options.band](const Design& design_w) {
-        return cutting::combined_surface(design_w, surfaces, band);
-      },
-      [sweeps = std::move(sweeps), tool_sweeps](const Design& design_w, const Surface& surface) {
-        return joined_contacts(design_w, surface, sweeps, tool_sweeps);
-      }};
+    several.push_back(
+        {[prepared = prepared.surface, sweep = sweeps[i], default_band = options.band](
+             const Design& design_w, double band) {
+           if (band == default_band) return prepared(design_w);
+           return single_tool_sweep(sweep, {.band = band, .progress = {}}).surface(design_w);
+         },
+         [contacts = prepared.contacts, &samples = sweeps[i].samples](const Design& design_w,
+                                                                      const Surface& surface) {
+           return contacts(design_w, restrict_to_sweep(surface, samples));
+         }});
+  }
+  return combined(std::move(several), options.band);
 }
 
 cutting::Surface machined_surface(const Design& design_w, const std::vector<ToolSweep>& sweeps,
@@ -132,24 +149,26 @@ cutting::Surface machined_surface(const Design& design_w, const std::vector<Tool
   return make_sweep(sweeps, options).surface(design_w);
 }
 
-Sweep sweep_in_windows(const Cutter& cutter, std::size_t windows,
-                       const std::function<SweptWindow(std::size_t number)>& window,
-                       const SurfaceOptions& options) {
-  const auto motion_in = [window](std::size_t number) {
-    const SweptWindow swept = window(number);
-    return cutter_motion(swept.T_wt, swept.samples);
-  };
+namespace {
+
+/// Returns the sweep of one tool through windows.
+Sweep windowed_sweep(const WindowedTool& tool,
+                     const std::function<SweptWindow(std::size_t number)>& window,
+                     const SurfaceOptions& options) {
+  const Cutter& cutter = tool.cutter;
+  const WindowRange range = tool.windows;
   const auto begin = [=]() -> cutting::MotionBlocks {
-    return [=, next_window = std::size_t(0)]() mutable -> std::optional<cutting::MotionBlock> {
-      if (next_window == windows) return std::nullopt;
-      cutting::CutterMotion motion = motion_in(next_window++);
-      return cutting::MotionBlock{std::move(motion), double(next_window) / double(windows)};
+    return [=, next = range.first]() mutable -> std::optional<cutting::MotionBlock> {
+      if (next == range.last) return std::nullopt;
+      const SweptWindow swept = window(next++);
+      return cutting::MotionBlock{cutter_motion(swept.T_wt, swept.samples),
+                                  double(next - range.first) / double(range.last - range.first)};
     };
   };
   const auto contacts = [=](const Design& design_w, const Surface& surface) {
     PassGradients merged = no_contacts(design_w);
     double previous_travel = 0.0;
-    for (std::size_t k = 0; k < windows; ++k) {
+    for (std::size_t k = range.first; k < range.last; ++k) {
       const SweptWindow swept = window(k);
       const cutting::CutterMotion motion = cutter_motion(swept.T_wt, swept.samples);
       const Surface window_surface = restrict_to_sweep(surface, swept.samples);
@@ -168,6 +187,36 @@ Sweep sweep_in_windows(const Cutter& cutter, std::size_t windows,
           contacts};
 }
 
+}  // namespace
+
+Sweep sweep_in_windows(const std::vector<WindowedTool>& tools,
+                       const std::function<SweptWindow(std::size_t number)>& window,
+                       const SurfaceOptions& options) {
+  if (tools.size() == 1) return windowed_sweep(tools.front(), window, options);
+  std::vector<SweepOfSeveral> several;
+  for (std::size_t i = 0; i < tools.size(); ++i) {
+    const Sweep sweep = windowed_sweep(tools[i], window, options_of_tool(options, i, tools.size()));
+    several.push_back(
+        {[sweep = sweep.surface, tool = tools[i], window, default_band = options.band](
+             const Design& design_w, double band) {
+           if (band == default_band) return sweep(design_w);
+           return windowed_sweep(tool, window, {.band = band, .progress = {}}).surface(design_w);
+         },
+         sweep.contacts});
+  }
+  return combined(std::move(several), options.band);
+}
+
+std::vector<WindowedTool> windowed_tools(
+    const Job& job, const std::variant<cutting::Cutter, cutting::Nose> ToolDescription::*shape) {
+  std::vector<WindowedTool> tools;
+  const std::vector<WindowRange> ranges = window_ranges(*job.windows);
+  const auto segments = tool_segments(job);
+  for (std::size_t i = 0; i < ranges.size(); ++i)
+    tools.push_back({std::get<Cutter>(segments[i].scene.tool.*shape), ranges[i]});
+  return tools;
+}
+
 ToolSweep segment_error_free_sweep(const Segment& segment) {
   return {segment.scene.tool.nominal,
           segment.samples,
@@ -180,7 +229,7 @@ ToolSweep segment_error_free_sweep(const Segment& segment) {
 Sweep error_free_sweep(const Job& job, const SurfaceOptions& options) {
   if (!job.windows) return make_sweep(error_free_sweeps(job), options);
   return sweep_in_windows(
-      std::get<Cutter>(job.scene.tool.nominal), job.windows->all.size(),
+      windowed_tools(job, &ToolDescription::nominal),
       [&job](std::size_t number) {
         Segment window = make_window(job, number);
         return SweptWindow{std::move(window.samples), std::move(window.T_wt_nominal),

@@ -51,10 +51,22 @@ struct SweptWindow {
   program::Path path = {};             ///< with the blocks of the samples
 };
 
-/// Returns the sweep of one milling tool through windows. Each is made once for the surface, again
-/// if a vertex is uncut or gouged, and once for the contacts.
-/// @param window  returns a window, which begins with the last sample of the one before
-Sweep sweep_in_windows(const cutting::Cutter& cutter, std::size_t windows,
+/// A milling tool and its windows, [first, last).
+struct WindowedTool {
+  const cutting::Cutter& cutter;
+  WindowRange windows;
+};
+
+/// Returns the tools of a job in windows, by their nominal or actual shape. They refer to the job.
+std::vector<WindowedTool> windowed_tools(
+    const Job& job, const std::variant<cutting::Cutter, cutting::Nose> ToolDescription::*shape);
+
+/// Returns the sweep of milling tools through windows. Each window is made once for the surface,
+/// again if a vertex is uncut or gouged, and once for the contacts.
+/// @param tools   in order of time
+/// @param window  returns a window; except for the first of its tool it begins with the last sample
+///     of the one before
+Sweep sweep_in_windows(const std::vector<WindowedTool>& tools,
                        const std::function<SweptWindow(std::size_t number)>& window,
                        const cutting::SurfaceOptions& options);
 

@@ -1,6 +1,7 @@
 #include "sim/loop/compensate.h"
 
 #include <algorithm>
+#include <deque>
 
 #include <fmt/format.h>
 
@@ -305,18 +306,53 @@ Commands compensate(const Job& job, const CaseDescription& compensator, const Pr
 
 namespace {
 
-/// Cuts a job in windows. The correction is learned once and is applied to every window.
+/// Returns the belief `perfect` in windows. It predicts the forces as `perfect_corrector` does: the
+/// corrections that assume those of the rigid machine give the cut whose forces it then knows.
+Corrector perfect_in_windows(const Job& job, std::size_t number, const ControlView& view,
+                             const CaseDescription& compensator, Process before) {
+  const Segment& segment = tool_segments(job)[number];
+  PredictedRun run{without_stock(segment.nominal_process), {}};
+  const Corrector corrector = belief_corrector(view, compensator, perfect_belief(segment, run));
+  if (!segment.truth.compliance || segment.nominal_process.steps.empty()) return corrector;
+  const auto corrected = [&](const Segment& window, std::size_t) {
+    Commands commands = segment_commands(window);
+    commands.samples.states = corrector(commands.samples.states, window.T_wt_nominal).states;
+    return commands;
+  };
+  run.process = without_stock(segment_process(job, number, corrected, std::move(before)));
+  return belief_corrector(view, compensator, perfect_belief(segment, std::move(run)));
+}
+
+/// Cuts a job in windows. The correction of each tool is learned once and is applied to all its
+/// windows.
 Cut cut_in_windows(const Job& job, const CaseDescription& compensator, const Progress& progress) {
-  const ControlView view = make_control_view(job, job);
-  const LearnedCorrection correction =
-      learn_correction(view, make_machine_access(job, job, {}), compensator, progress);
-  Cut result = cut_in_windows(
-      job,
-      [&](const Segment& window) {
-        return compensated_commands(make_control_view(job, window),
-                                    make_machine_access(job, window, {}), compensator, correction);
-      },
-      progress);
+  const auto segments = tool_segments(job);
+  std::vector<LearnedCorrection> corrections;
+  const auto access = [&](const Segment& segment, std::size_t number, const Process& before) {
+    MachineAccess result = make_machine_access(job, segment, before);
+    result.perfect = [&job, number, &before](const ControlView& view,
+                                             const CaseDescription& description) {
+      return perfect_in_windows(job, number, view, description, before);
+    };
+    return result;
+  };
+  const Process no_stock;
+  const auto commands = [&](const Segment& window, std::size_t number) {
+    return compensated_commands(make_control_view(job, window), access(window, number, no_stock),
+                                compensator, corrections[number]);
+  };
+  Process stock;                  // that the tools so far have left
+  std::deque<ControlView> views;  // to which the corrections refer
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    views.push_back(make_control_view(job, segments[i]));
+    corrections.push_back(
+        learn_correction(views.back(), access(segments[i], i, stock), compensator, progress));
+    if (i + 1 < segments.size() && follows_stock(segments[i], compensator)) {
+      Process process = segment_process(job, i, commands, take_stock(stock));
+      stock = take_stock(process);
+    }
+  }
+  Cut result = cut_in_windows(job, commands, progress);
   result.name = result.case_name = compensator.name;
   return result;
 }
@@ -325,19 +361,18 @@ Cut cut_in_windows(const Job& job, const CaseDescription& compensator, const Pro
 
 std::string find_windows_obstacle(const Scene& scene,
                                   const std::optional<CaseDescription>& compensator) {
-  // Each of these needs the samples of the whole program at once: stock, heat and wear depend on
-  // all earlier samples, a channel on neighbouring ones.
   using Belief = CaseDescription::Belief;
-  if (!std::holds_alternative<cutting::Cutter>(scene.tool.nominal)) return "a turned part";
-  if (!scene.additional_tools.empty()) return "several tools";
-  if (scene.cutting) return "[cutting]";
-  if (scene.thermal) return "[thermal]";
+  for (const ToolDescription& tool : all_tools(scene)) {
+    if (!std::holds_alternative<cutting::Cutter>(tool.nominal)) return "a turned part";
+    if (tool.wear) return "tool wear";  // depends on all earlier samples of the tool
+  }
   if (scene.collision.is_enabled) return "[collision]";
-  if (scene.tool.wear) return "tool wear";
-  if (scene.compliance) return "[compliance]";
+  // Accelerations depend on the samples on both sides.
+  if (scene.compliance && scene.compliance->inertia) return "compliance.inertia";
   if (scene.sensor_choice) return "a choice of sensors";
   if (!compensator) return {};
   if (!compensator->plug_in.empty() || compensator->function) return "a user compensator";
+  // A channel depends on neighbouring samples.
   if (compensator->channel != CaseDescription::Channel::Ideal) return "a channel other than ideal";
   const bool is_static =
       compensator->belief == Belief::Perfect || compensator->belief == Belief::Identified;

@@ -103,7 +103,8 @@ INSTANTIATE_TEST_SUITE_P(PartBelief, OfTheCut,
 
 TEST(PartBelief, MachineIsAtRestWhenItsProgramHasEnded) {
   const Job job = job_of(on_machine, changes_since_first("drift"));
-  const auto knots = activity(job.scene, job.machine, job.samples, job.nominal_process);
+  const auto knots = activity(
+      job.scene, job.machine, [&](const auto& use) { use(job.samples, 0); }, job.nominal_process);
   EXPECT_EQ(knots.back().time_s, job.samples.states.back().time_s);
   EXPECT_EQ(knots.back().spindle_speed, 0.0);
   EXPECT_TRUE(knots.back().axis_speed.isZero(0.0));

@@ -164,7 +164,7 @@ TEST_F(SeveralTools, ALongerToolIsSeenWhereTheMachineLeans) {
   const Cut made = cut(both);
   ASSERT_EQ(both.segments.size(), 2u);
   const auto tip_error = [&](const Segment& part) {
-    const Commands commands = uncompensated_commands(part);
+    const Commands commands = segment_commands(part);
     const std::vector<kinematics::Pose> T_wt = tool_poses(part, commands, {});
     return (T_wt.back().translation() - part.T_wt_nominal.back().translation()).norm();
   };
