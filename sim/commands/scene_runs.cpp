@@ -114,6 +114,36 @@ Job sample_job(Job job, const CaseRequest& request, ProgressLine& progress,
   return sampled(check_placement(std::move(job)), to(progress));
 }
 
+/// Returns the memory for the samples of a program, which is cut in windows if they exceed it and
+/// nothing needs all of them.
+/// @param scenes  of all jobs that are in memory together
+/// @param cases   of each of them, besides those that the scene compares
+/// @param size    expected size of the job
+MemoryBudget memory_budget(const std::vector<Scene>& scenes,
+                           const std::vector<std::optional<CaseDescription>>& cases,
+                           const CaseRequest& request, const WorkSize& size) {
+  MemoryBudget budget;
+  const auto add_obstacle = [&](const std::string& obstacle) {
+    if (budget.windows_obstacle.empty()) budget.windows_obstacle = obstacle;
+  };
+  if (request.tracked) add_obstacle("the track of the tool");
+  for (const Scene& scene : scenes) {
+    for (const auto& compensator : cases) add_obstacle(find_windows_obstacle(scene, compensator));
+    if (!request.compared) continue;
+    for (const CaseDescription& compensator : scene.cases)
+      add_obstacle(find_windows_obstacle(scene, compensator));
+  }
+  if (!budget.windows_obstacle.empty()) return budget;
+  budget.samples = [size, request, scene = scenes.front(), jobs = scenes.size()](
+                       std::size_t blocks, std::size_t vertices) {
+    WorkSize job = size;
+    job.blocks = double(blocks);
+    job.vertices = double(vertices);
+    return max_samples_in_memory(size_after_sampling(job, scene), request, jobs);
+  };
+  return budget;
+}
+
 /// Reports the memory of the cuts if it is large, and throws if it does not fit.
 void check_cut_memory(const Scene& scene, const std::vector<WorkSize>& sizes,
                       const CaseRequest& request, ProgressLine& progress,
@@ -392,15 +422,19 @@ CaseResults cut_all_cases(const RequestedScenes& requested, const RunOptions& op
   variant_jobs.reserve(1 + variants.size());
   for (std::size_t i = 0; i < sizes.size(); ++i) {
     progress.begin(preparation_name(i));
+    const MemoryBudget memory =
+        memory_budget(scenes, {std::nullopt}, request, expected_size(scenes[i]));
     variant_jobs.push_back({i == 0 ? "" : scene.variants[i - 1].name,
-                            sample_job(prepare(scenes[i], to(progress)), request, progress)});
+                            sample_job(prepare(scenes[i], to(progress), memory), request, progress,
+                                       memory.windows_obstacle)});
     sizes[i] = work_size(variant_jobs.back().job);
   }
   // A caller with its own progress function, such as Python, may be able to interrupt only from the
   // calling thread, so its cases run one at a time.
   if (!options.progress)
     request.max_parallel = results.max_parallel = cases_at_once(sizes, request);
-  check_cut_memory(scene, sizes, request, progress);
+  check_cut_memory(scene, sizes, request, progress,
+                   memory_budget(scenes, {std::nullopt}, request, sizes.front()).windows_obstacle);
   progress.replan(comparison_plan(scene, variants, sizes));
   for (const VariantJob& variant_job : variant_jobs)
     cut_cases(variant_job, results, retention_of_run(options), progress);
@@ -492,19 +526,11 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   progress.begin("prepare");
   const CaseRequest request =
       add_output_options(run_case_request(parse_compensator(shown_name)), options);
-  // A program that does not fit into memory is cut in windows, unless something needs all samples.
-  MemoryBudget memory_budget{{}, find_windows_obstacle(scene, parse_compensator(shown_name))};
-  if (request.tracked) memory_budget.windows_obstacle = "the track of the tool";
-  if (memory_budget.windows_obstacle.empty())
-    memory_budget.samples = [&](std::size_t blocks, std::size_t vertices) {
-      WorkSize size = expected;
-      size.blocks = double(blocks);
-      size.vertices = double(vertices);
-      return max_samples_in_memory(size_after_sampling(size, scene), request);
-    };
-  const Job job = sample_job(prepare(scene, to(progress), memory_budget), request, progress,
-                             memory_budget.windows_obstacle);
-  check_cut_memory(scene, {work_size(job)}, request, progress, memory_budget.windows_obstacle);
+  const MemoryBudget memory =
+      memory_budget({scene}, {parse_compensator(shown_name)}, request, expected);
+  const Job job =
+      sample_job(prepare(scene, to(progress), memory), request, progress, memory.windows_obstacle);
+  check_cut_memory(scene, {work_size(job)}, request, progress, memory.windows_obstacle);
   progress.replan(remaining_stages(work_size(job)));
   progress.begin(shown_name);
   Cut result = cut_named_case(job, shown_name, to(progress), retention_of_run(options));

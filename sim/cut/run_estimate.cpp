@@ -331,10 +331,10 @@ int cases_at_once(const std::vector<WorkSize>& jobs, CaseRequest request) {
   return std::max(request.max_parallel, 1);
 }
 
-std::size_t max_samples_in_memory(WorkSize job, const CaseRequest& request) {
+std::size_t max_samples_in_memory(WorkSize job, const CaseRequest& request, std::size_t jobs) {
   const auto fits = [&](double samples) {
     job.samples = samples;
-    return peak_memory({job}, request) <= memory_bytes();
+    return peak_memory(std::vector<WorkSize>(jobs, job), request) <= memory_bytes();
   };
   // A window of less than 1e5 samples costs more than it saves. A program has at most 50e6.
   double low = 1e5, high = 50e6;

@@ -90,7 +90,8 @@ double peak_memory(const std::vector<WorkSize>& jobs, const CaseRequest& request
 
 /// Returns the number of samples of a job with which its peak is within `memory_bytes`; 0 if it is
 /// below a hundred thousand, since windows cost more than they save then.
-std::size_t max_samples_in_memory(WorkSize job, const CaseRequest& request);
+/// @param jobs  number of jobs of this size that are in memory together
+std::size_t max_samples_in_memory(WorkSize job, const CaseRequest& request, std::size_t jobs = 1);
 
 /// Returns the number of cases to cut and draw at the same time: one for each thread, as long as a
 /// third of `memory_bytes` is free.
