@@ -235,17 +235,21 @@ std::vector<Eigen::Index> not_fed_before(const Job& job, const cutting::Surface&
                                          std::vector<Eigen::Index> vertices, double tolerance,
                                          const SweepVisitor& visit_sweeps) {
   const auto reached_by = [&](const SweptWindow& run, const ToolSweep& sweep) {
+    const auto& states = run.samples.states;
+    std::set<Eigen::Index> reached;
     std::vector<Eigen::Index> near_vertices;
     std::vector<cutting::Contact> contacts;
     const Eigen::AlignedBox3d box = swept_box(sweep.tool, run.T_wt, job.scene.band);
     for (const Eigen::Index i : vertices) {
       const Eigen::Vector3d point = job.design_w.vertices.row(i);
-      if (surface.cut_time_s[i] < run.samples.states.back().time_s || !box.contains(point))
-        continue;
+      const double cut_time_s = surface.cut_time_s[i];
+      // The feeds and rapids of a cycle share a line.
+      if (cut_time_s >= states.front().time_s && cut_time_s <= states.back().time_s)
+        reached.insert(i);
+      if (cut_time_s < states.back().time_s || !box.contains(point)) continue;
       near_vertices.push_back(i);
       contacts.push_back({point, job.design_w.normals.row(i)});
     }
-    std::set<Eigen::Index> reached;
     if (contacts.empty()) return reached;
     const Eigen::VectorXd residual = all_residuals(machined_surface(
         cutting::design_from_points(contacts),

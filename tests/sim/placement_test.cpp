@@ -370,19 +370,25 @@ TEST_F(MeshUnderProgram, ARapidCutsOnlyWhatTheFeedHasLeft) {
       wall.push_back({b, d, c});
     }
   folder_.write("part.stl", stl_of(wall));
-  // Each peck but the first comes down in rapid to 0.5 mm above the bottom so far.
-  const auto warnings = [&](int rapid_peck) {
-    std::string program = "G0 X0 Y0 Z5\n";
-    for (int peck = 1; peck <= 4; ++peck)
-      program += fmt::format("G0 Z{}\nG{} Z{} F300\nG0 Z5\n", peck == 1 ? 1.0 : 3.5 - 3 * peck,
-                             peck == rapid_peck ? 0 : 1, -3 * peck);
+  const auto program_warnings = [&](const std::string& program) {
     const Job hole = job("kind = \"flat\"\nradius_mm = 3\nflank_length_mm = 30\n",
                          "open = true\nsampling = \"vertices\"\n", program + "G0 Z60\n");
     std::string text;
     for (const std::string& warning : cut_error_free(hole).warnings) text += warning + "\n";
     return text;
   };
+  // Each peck but the first comes down in rapid to 0.5 mm above the bottom so far.
+  const auto warnings = [&](int rapid_peck) {
+    std::string program = "G0 X0 Y0 Z5\n";
+    for (int peck = 1; peck <= 4; ++peck)
+      program += fmt::format("G0 Z{}\nG{} Z{} F300\nG0 Z5\n", peck == 1 ? 1.0 : 3.5 - 3 * peck,
+                             peck == rapid_peck ? 0 : 1, -3 * peck);
+    return program_warnings(program);
+  };
   EXPECT_FALSE(says(warnings(0), "rapid")) << warnings(0);
+  // Feeds and rapids of a cycle are on one line.
+  const std::string cycle = program_warnings("G0 X0 Y0 Z5\nG98 G83 X0 Y0 Z-12 R1 Q3 F300\nG80\n");
+  EXPECT_FALSE(says(cycle, "rapid")) << cycle;
   for (int peck = 1; peck <= 4; ++peck)
     EXPECT_TRUE(
         says(warnings(peck), fmt::format("are cut by rapid moves, first line {}", 3 * peck + 5)))
