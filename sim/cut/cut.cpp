@@ -398,82 +398,137 @@ std::span<const double> piezo_stroke(const Commands& commands) {
   return {commands.piezo->stroke.data(), std::size_t(commands.piezo->stroke.size())};
 }
 
-/// Returns the number of the first sample that a part does not share with the part before.
-std::size_t first_new_sample(const Segment& part) { return part.sampling.continued_from ? 1 : 0; }
-
-/// The motion of one part of a job on the machine with errors.
-struct SegmentMotion {
-  std::vector<Pose> T_wt;
-  std::deque<WornSegment> worn_cutter;  ///< swept instead of T_wt if the radius of the tool wears
-  Process process;
-  Signals signals;
-  PoseErrors pose_errors;
-  ChordError chord_error;
-  std::vector<std::string> warnings;
-};
-
-/// Computes the actual poses of a part, with its process, signals and warnings.
-/// @param max_intervals  number of intervals sampled for the chord error, at most
-/// @param before         has the stock that the parts before have left
-SegmentMotion segment_motion(const Segment& segment, const Commands& commands,
-                             const Progress& progress, std::map<std::string, double>& timing_s,
-                             std::size_t max_intervals, Process before = {}) {
-  Stopwatch watch;
-  SegmentMotion motion;
-  const ActualRun run = actual_run(segment, commands);
-  motion.T_wt = check_table_range(segment, [&] {
-    motion.process = simulated_process(run, progress, std::move(before));
-    timing_s["stock"] += watch.lap();
-    if (progress) progress("poses", 0.0);
-    const std::vector<errors::Load> loads = sample_loads(run, motion.process);
-    motion.signals = signals(segment.scene, segment.machine, segment.truth,
-                             {commands.samples, run.T_wt_target, motion.process, loads,
-                              commands.correction, piezo_stroke(commands)});
-    return actual_poses(run, loads, {});
-  });
-  check_table_range(segment, [&] { check_tips(run, motion.T_wt); });
-  add_warnings(process_warnings(segment.scene, motion.process), motion.warnings);
-  motion.chord_error =
-      check_table_range(segment, [&] { return chord_error(segment, commands, max_intervals); });
-  // The window before has counted a shared sample.
-  motion.pose_errors = pose_errors(motion.T_wt, run.T_wt_target, first_new_sample(segment));
-  if (!run.wear.empty() && segment.scene.tool.wear->radius > 0.0)
-    motion.worn_cutter = worn_segments(segment.scene.tool, run.wear, commands.samples, motion.T_wt);
-  timing_s["poses"] += watch.lap();
-  return motion;
-}
-
-/// Adds the sweep of a part, or the sweeps of its segments if the radius of the tool wears. The
-/// sweeps refer to the arguments.
-void add_sweeps(const Segment& part, const Commands& commands, const SegmentMotion& motion,
-                std::vector<ToolSweep>& sweeps) {
-  const auto& chain = part.truth.actual;
-  const std::optional<int> spindle = part.machine.workpiece_spindle;
-  const program::Path& path = path_of(part, commands);
-  for (const WornSegment& segment : motion.worn_cutter)
-    sweeps.push_back({segment.tool, segment.samples, segment.T_wt, chain, spindle, path});
-  if (motion.worn_cutter.empty())
-    sweeps.push_back({part.scene.tool.actual, commands.samples, motion.T_wt, chain, spindle, path});
-}
-
 /// Returns the spread over the samples of both.
 /// @param n_a, n_b  number of samples of each
 Spread joined(const Spread& a, double n_a, const Spread& b, double n_b) {
   if (!(n_a > 0.0)) return b;
-  const double part_samples = n_a + n_b;
-  return {std::sqrt((n_a * a.rms * a.rms + n_b * b.rms * b.rms) / part_samples),
-          std::max(a.max, b.max)};
+  const double samples = n_a + n_b;
+  return {std::sqrt((n_a * a.rms * a.rms + n_b * b.rms * b.rms) / samples), std::max(a.max, b.max)};
 }
 
-/// Adds the figures of a part to the result.
-void add(SegmentMotion& part, double part_samples, double samples_before, Cut& result) {
-  result.tip_error = joined(result.tip_error, samples_before, part.pose_errors.tip, part_samples);
-  result.direction_error =
-      joined(result.direction_error, samples_before, part.pose_errors.direction, part_samples);
-  result.chord_error = joined(result.chord_error, part.chord_error);
-  append_part(std::move(part.process), result.process);
-  result.signals = joined(std::move(result.signals), part.signals);
-  add_warnings(std::move(part.warnings), result.warnings);
+PoseErrors joined(const PoseErrors& a, double n_a, const PoseErrors& b, double n_b) {
+  return {joined(a.tip, n_a, b.tip, n_b), joined(a.direction, n_a, b.direction, n_b)};
+}
+
+/// Errors of the tool poses of a run, of each tool and of all.
+class RunErrors {
+ public:
+  explicit RunErrors(const Job& job) : job_(job), tools_(tool_segments(job).size()) {}
+
+  /// Adds a segment, or a window of it.
+  /// @param tool           index in `tool_segments`
+  /// @param max_intervals  number of intervals sampled for the chord error, at most
+  void add(std::size_t tool, const ActualRun& run, const std::vector<Pose>& T_wt,
+           std::size_t max_intervals);
+  /// Returns an upper bound, mm, of the gouge that they explain.
+  double explained_gouge() const;
+  void write_to(Cut& result) const;
+
+ private:
+  struct Errors {
+    PoseErrors pose;
+    double samples = 0.0;
+    void add(const PoseErrors& other, double count) {
+      pose = joined(pose, samples, other, count);
+      samples += count;
+    }
+  };
+  const Job& job_;
+  std::vector<Errors> tools_;
+  Errors all_;
+  ChordError chord_error_;
+};
+
+void RunErrors::add(std::size_t tool, const ActualRun& run, const std::vector<Pose>& T_wt,
+                    std::size_t max_intervals) {
+  // The first sample of a window that continues another is the last of that one, and counts once.
+  const std::size_t first = run.segment.sampling.continued_from ? 1 : 0;
+  const PoseErrors errors = pose_errors(T_wt, run.T_wt_target, first);
+  const double samples = double(T_wt.size()) - double(first);
+  tools_[tool].add(errors, samples);
+  all_.add(errors, samples);
+  chord_error_ = joined(chord_error_, check_table_range(run.segment, [&] {
+                          return chord_error(run.segment, run.commands, max_intervals);
+                        }));
+}
+
+double RunErrors::explained_gouge() const {
+  double max_explained = 0.0;
+  for (std::size_t i = 0; i < tools_.size(); ++i)
+    max_explained =
+        std::max(max_explained, sim::explained_gouge(tool_segments(job_)[i], tools_[i].pose));
+  return max_explained;
+}
+
+void RunErrors::write_to(Cut& result) const {
+  result.tip_error = all_.pose.tip;
+  result.direction_error = all_.pose.direction;
+  result.chord_error = chord_error_;
+  add_warnings(chord_error_warnings(chord_error_, all_.pose.tip.rms), result.warnings);
+}
+
+/// Appends the process of a tool to the result, with its warnings.
+void add_process(const Job& job, std::size_t tool, Process process, Cut& result) {
+  const Scene& scene = tool_segments(job)[tool].scene;
+  const std::string prefix =
+      job.segments.size() > 1 ? fmt::format("T{}: ", *scene.tool.number) : "";
+  for (const std::string& warning : process_warnings(scene, process))
+    result.warnings.push_back(prefix + warning);
+  append_part(std::move(process), result.process);
+}
+
+/// Returns the actual poses of a run.
+std::vector<Pose> checked_poses(const ActualRun& run, const std::vector<errors::Load>& loads) {
+  return check_table_range(run.segment, [&] {
+    std::vector<Pose> T_wt = actual_poses(run, loads, {});
+    check_tips(run, T_wt);
+    return T_wt;
+  });
+}
+
+/// The motion of a segment on the machine with errors.
+struct SegmentMotion {
+  std::vector<Pose> T_wt;
+  std::deque<WornSegment> worn_cutter;  ///< swept instead of T_wt if the radius of the tool wears
+};
+
+/// Computes the actual poses of a segment, and adds its process, signals and errors.
+SegmentMotion segment_motion(const Job& job, std::size_t number, const Commands& commands,
+                             const Progress& progress, RunErrors& run_errors, Cut& result) {
+  Stopwatch watch;
+  const Segment& segment = job_segments(job)[number];
+  const ActualRun run = actual_run(segment, commands);
+  Process process = check_table_range(
+      segment, [&] { return simulated_process(run, progress, take_stock(result.process)); });
+  result.timing_s["stock"] += watch.lap();
+  if (progress) progress("poses", 0.0);
+  const std::vector<errors::Load> loads = sample_loads(run, process);
+  result.signals = joined(std::move(result.signals), check_table_range(segment, [&] {
+                            return signals(segment.scene, segment.machine, segment.truth,
+                                           {commands.samples, run.T_wt_target, process, loads,
+                                            commands.correction, piezo_stroke(commands)});
+                          }));
+  SegmentMotion motion{checked_poses(run, loads), {}};
+  add_process(job, number, std::move(process), result);
+  run_errors.add(number, run, motion.T_wt, default_interval_count);
+  if (!run.wear.empty() && segment.scene.tool.wear->radius > 0.0)
+    motion.worn_cutter = worn_segments(segment.scene.tool, run.wear, commands.samples, motion.T_wt);
+  result.timing_s["poses"] += watch.lap();
+  return motion;
+}
+
+/// Adds the sweep of a segment, or the sweeps of its parts if the radius of the tool wears. The
+/// sweeps refer to the arguments.
+void add_sweeps(const Segment& segment, const Commands& commands, const SegmentMotion& motion,
+                std::vector<ToolSweep>& sweeps) {
+  const auto& chain = segment.truth.actual;
+  const std::optional<int> spindle = segment.machine.workpiece_spindle;
+  const program::Path& path = path_of(segment, commands);
+  for (const WornSegment& worn : motion.worn_cutter)
+    sweeps.push_back({worn.tool, worn.samples, worn.T_wt, chain, spindle, path});
+  if (motion.worn_cutter.empty())
+    sweeps.push_back(
+        {segment.scene.tool.actual, commands.samples, motion.T_wt, chain, spindle, path});
 }
 
 }  // namespace
@@ -484,7 +539,7 @@ Cut cut_error_free(const Job& job, const Progress& progress, Retention keep) {
   result.name = result.case_name = "error_free";
   if (progress) progress("surface", 0.0);  // shown while the moves are sorted
   const SweepVisitor visit_sweeps = [&](const std::function<void(const ToolSweep&)>& use) {
-    visit_segments(job, [&](const Segment& part) { use(segment_error_free_sweep(part)); });
+    visit_segments(job, [&](const Segment& segment) { use(segment_error_free_sweep(segment)); });
   };
   CutMap map = cut_map(job, {error_free_sweep(job, surface_options(job, progress)), visit_sweeps,
                              job.path, [] { return 0.0; }, error_free_surface(job)});
@@ -493,8 +548,8 @@ Cut cut_error_free(const Job& job, const Progress& progress, Retention keep) {
   result.process = job.nominal_process;
   if (keep == Retention::Track) {
     std::vector<TrackedPart> parts;
-    for (const Segment& part : job_segments(job))
-      parts.push_back({part.samples, part.T_wt_nominal, part.T_wt_nominal});
+    for (const Segment& segment : job_segments(job))
+      parts.push_back({segment.samples, segment.T_wt_nominal, segment.T_wt_nominal});
     result.track = join_tracks(parts);
   }
   add_warnings(process_warnings(job.scene, result.process), result.warnings);
@@ -560,39 +615,30 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Rete
     if (job.scene.collision.stop) stop_at_collision(*result.collisions);
     add_warnings(collision_warnings(*result.collisions), result.warnings);
   }
-  const auto parts = job_segments(job);
+  const auto segments = job_segments(job);
   std::vector<SegmentMotion> motions;
-  double samples = 0.0, max_explained = 0.0;
-  for (std::size_t i = 0; i < parts.size(); ++i) {
-    motions.push_back(segment_motion(parts[i], part_commands(commands, i), progress,
-                                     result.timing_s, default_interval_count,
-                                     take_stock(result.process)));
-    if (parts.size() > 1)
-      for (std::string& warning : motions.back().warnings)
-        warning = fmt::format("T{}: {}", *parts[i].scene.tool.number, warning);
-    max_explained = std::max(max_explained, explained_gouge(parts[i], motions.back().pose_errors));
-    const auto n = double(motions.back().T_wt.size());
-    add(motions.back(), n, samples, result);
-    samples += n;
-  }
-  add_warnings(chord_error_warnings(result.chord_error, result.tip_error.rms), result.warnings);
+  RunErrors run_errors(job);
+  for (std::size_t i = 0; i < segments.size(); ++i)
+    motions.push_back(
+        segment_motion(job, i, part_commands(commands, i), progress, run_errors, result));
+  run_errors.write_to(result);
   add_warnings(idle_warnings(job.scene), result.warnings);
   if (keep == Retention::Track) {
     std::vector<TrackedPart> tracked;
-    for (std::size_t i = 0; i < parts.size(); ++i)
+    for (std::size_t i = 0; i < segments.size(); ++i)
       tracked.push_back({part_commands(commands, i).samples,
-                         target_poses(parts[i], part_commands(commands, i)), motions[i].T_wt});
+                         target_poses(segments[i], part_commands(commands, i)), motions[i].T_wt});
     result.track = join_tracks(tracked);
   }
   Stopwatch watch;
   if (progress) progress("surface", 0.0);  // shown while the moves are sorted
   std::vector<ToolSweep> sweeps;
-  for (std::size_t i = 0; i < parts.size(); ++i)
-    add_sweeps(parts[i], part_commands(commands, i), motions[i], sweeps);
+  for (std::size_t i = 0; i < segments.size(); ++i)
+    add_sweeps(segments[i], part_commands(commands, i), motions[i], sweeps);
   result.wear = worn_tools(tool_runs(job));
   CutMap map =
       cut_map(job, {make_sweep(sweeps, surface_options(job, progress)), sweep_visitor(sweeps),
-                    path_of(job, commands), [max_explained] { return max_explained; }});
+                    path_of(job, commands), [&] { return run_errors.explained_gouge(); }});
   result.surface = std::move(map.surface);
   result.interpolation = map.interpolation;
   add_warnings(std::move(map.warnings), result.warnings);
@@ -629,11 +675,9 @@ Process segment_process(const Job& job, std::size_t segment, const CommandSource
 
 namespace {
 
-/// The figures of one tool of a job in windows, which grow from window to window.
-struct WindowedTotals {
-  Process process;  // without the stock
-  PoseErrors pose_errors = {};
-  double samples = 0.0;
+/// The process and the rows of signals of one tool of a job in windows.
+struct WindowedRun {
+  Process process = {};                              // without the stock
   std::optional<SignalSamples> signal_samples = {};  // empty without signals
   std::optional<SignalRow> start = {};
   std::vector<SignalRow> rows = {};
@@ -647,13 +691,11 @@ class WindowedCut {
 
   SweptWindow at(std::size_t number);
   void visit_sweeps(const std::function<void(const ToolSweep&)>& use);
-  double explained_gouge() const;
-  std::size_t not_converged() const { return not_converged_; }
-  Signals take_signals();
+  double explained_gouge() const { return run_errors_.explained_gouge(); }
+  /// Adds the figures that are known after all windows have run.
+  void finish();
 
  private:
-  std::string tool_prefix(std::size_t segment) const;
-  void simulate(const Progress& progress);
   void report(std::size_t number, const ActualRun& run, const std::vector<errors::Load>& loads,
               const std::vector<Pose>& T_wt);
   void pick_signals(std::size_t number, const ActualRun& run,
@@ -662,17 +704,13 @@ class WindowedCut {
   const Job& job_;
   CommandSource command_source_;
   Cut& result_;
-  std::vector<WindowRange> ranges_;     // by tool
-  std::vector<WindowedTotals> totals_;  // by tool
-  std::size_t reported_ = 0;            // number of windows
+  std::vector<WindowRange> ranges_;  // by tool
+  std::vector<WindowedRun> tools_;
+  RunErrors run_errors_;
+  std::size_t reported_ = 0;  // number of windows
   std::size_t not_converged_ = 0;
+  std::vector<std::string> command_warnings_;
 };
-
-/// Returns the number of intervals sampled in each window for the chord error: at least 10, since
-/// the quotient is zero beyond 1000 windows.
-std::size_t intervals_per_window(std::size_t windows) {
-  return std::max(std::size_t(10), default_interval_count / windows);
-}
 
 WindowedCut::WindowedCut(const Job& job, CommandSource command_source, const Progress& progress,
                          Cut& result)
@@ -680,40 +718,21 @@ WindowedCut::WindowedCut(const Job& job, CommandSource command_source, const Pro
       command_source_(std::move(command_source)),
       result_(result),
       ranges_(window_ranges(*job.windows)),
-      totals_(ranges_.size()) {
-  if (job.scene.cutting) simulate(progress);
-  for (std::size_t i = 0; i < ranges_.size() && has_signals(job.scene, false); ++i)
-    totals_[i].signal_samples =
-        SignalSamples(job.scene.signals.interval, job.windows->all[ranges_[i].first].start_s,
-                      job.windows->all[ranges_[i].last - 1].end_s);
-}
-
-/// Simulates the process of the whole program: a sample between two steps, whose load lies between
-/// theirs, may be in another window than the second.
-void WindowedCut::simulate(const Progress& progress) {
+      tools_(ranges_.size()),
+      run_errors_(job) {
   for (std::size_t i = 0; i < ranges_.size(); ++i) {
-    append_part(segment_process(job_, i, command_source_, take_stock(result_.process), progress),
-                result_.process);
-    totals_[i].process = part_process(result_.process, i);
+    if (has_signals(job.scene, false))
+      tools_[i].signal_samples.emplace(job.scene.signals.interval,
+                                       job.windows->all[ranges_[i].first].start_s,
+                                       job.windows->all[ranges_[i].last - 1].end_s);
+    if (!job.scene.cutting) continue;
+    // The process of the whole program comes first: a sample between two steps, whose load lies
+    // between theirs, may be in another window than the second.
+    add_process(job, i,
+                segment_process(job, i, command_source_, take_stock(result.process), progress),
+                result);
+    tools_[i].process = part_process(result.process, i);
   }
-  for (std::size_t i = 0; i < ranges_.size(); ++i)
-    for (const std::string& warning :
-         process_warnings(tool_segments(job_)[i].scene, totals_[i].process))
-      result_.warnings.push_back(tool_prefix(i) + warning);
-}
-
-std::string WindowedCut::tool_prefix(std::size_t segment) const {
-  return job_.segments.size() > 1
-             ? fmt::format("T{}: ", *tool_segments(job_)[segment].scene.tool.number)
-             : "";
-}
-
-double WindowedCut::explained_gouge() const {
-  double max_explained = 0.0;
-  for (std::size_t i = 0; i < totals_.size(); ++i)
-    max_explained = std::max(max_explained,
-                             sim::explained_gouge(tool_segments(job_)[i], totals_[i].pose_errors));
-  return max_explained;
 }
 
 SweptWindow WindowedCut::at(std::size_t number) {
@@ -721,9 +740,8 @@ SweptWindow WindowedCut::at(std::size_t number) {
   const Segment window = make_window(job_, number);
   Commands commands = checked_commands(window, tool, command_source_);
   const ActualRun run = actual_run(window, commands);
-  const std::vector<errors::Load> loads = sample_loads(run, totals_[tool].process);
-  std::vector<Pose> T_wt = check_table_range(window, [&] { return actual_poses(run, loads, {}); });
-  check_table_range(window, [&] { check_tips(run, T_wt); });
+  const std::vector<errors::Load> loads = sample_loads(run, tools_[tool].process);
+  std::vector<Pose> T_wt = checked_poses(run, loads);
   // The first sweep takes the windows in order. Later ones repeat windows that were reported.
   if (number == reported_) report(number, run, loads, T_wt);
   return {std::move(commands.samples), std::move(T_wt),
@@ -743,64 +761,51 @@ void WindowedCut::report(std::size_t number, const ActualRun& run,
                          const std::vector<errors::Load>& loads, const std::vector<Pose>& T_wt) {
   ++reported_;
   const Commands& commands = run.commands;
-  WindowedTotals& tool = totals_[job_.windows->all[number].segment];
-  result_.chord_error = joined(result_.chord_error, check_table_range(run.segment, [&] {
-                                 return chord_error(run.segment, commands,
-                                                    intervals_per_window(job_.windows->all.size()));
-                               }));
-  // The first sample of a continued window is the last of the one before, and counts only once.
-  const std::size_t first = first_new_sample(run.segment);
-  const double samples = double(T_wt.size()) - double(first);
-  const PoseErrors errors = pose_errors(T_wt, run.T_wt_target, first);
-  tool.pose_errors.tip = joined(tool.pose_errors.tip, tool.samples, errors.tip, samples);
-  tool.pose_errors.direction =
-      joined(tool.pose_errors.direction, tool.samples, errors.direction, samples);
-  double samples_before = 0.0;
-  for (const WindowedTotals& totals : totals_) samples_before += totals.samples;
-  result_.tip_error = joined(result_.tip_error, samples_before, errors.tip, samples);
-  result_.direction_error =
-      joined(result_.direction_error, samples_before, errors.direction, samples);
-  tool.samples += samples;
-  if (tool.signal_samples) pick_signals(number, run, loads);
+  // At least 10 intervals of each window, since the quotient is zero beyond 1000 windows.
+  run_errors_.add(job_.windows->all[number].segment, run, T_wt,
+                  std::max(std::size_t(10), default_interval_count / job_.windows->all.size()));
+  pick_signals(number, run, loads);
   result_.remaining_point_error =
       std::max(result_.remaining_point_error, commands.remaining_point_error);
   result_.remaining_direction_error =
       std::max(result_.remaining_direction_error, commands.remaining_direction_error);
   not_converged_ += commands.not_converged;
   for (const std::string& warning : commands.warnings)
-    if (std::ranges::find(result_.warnings, warning) == result_.warnings.end())
-      result_.warnings.push_back(warning);
+    if (std::ranges::find(command_warnings_, warning) == command_warnings_.end())
+      command_warnings_.push_back(warning);
 }
 
 void WindowedCut::pick_signals(std::size_t number, const ActualRun& run,
                                const std::vector<errors::Load>& loads) {
   const std::size_t segment = job_.windows->all[number].segment;
-  WindowedTotals& tool = totals_[segment];
+  WindowedRun& tool = tools_[segment];
+  if (!tool.signal_samples) return;
   const program::Samples& samples = run.commands.samples;
   const auto row = [&](std::size_t i) {
     return SignalRow{samples.states[i], samples.line[i], loads.empty() ? errors::Load{} : loads[i],
                      run.T_wt_target[i], i};
   };
-  if (!tool.start) {
-    tool.start = row(0);
-    tool.start->line = 0;
-    tool.start->load = {};
-  }
+  if (!tool.start) tool.start = SignalRow{samples.states[0], 0, {}, run.T_wt_target[0], 0};
   tool.signal_samples->pick(samples.states, number > ranges_[segment].first,
                             number + 1 < ranges_[segment].last,
                             [&](std::size_t i) { tool.rows.push_back(row(i)); });
 }
 
-Signals WindowedCut::take_signals() {
-  Signals result;
-  for (std::size_t i = 0; i < totals_.size(); ++i) {
-    const Segment& tool = tool_segments(job_)[i];
-    if (totals_[i].start)
-      result =
-          joined(std::move(result), signals(tool.scene, tool.machine, tool.truth, *totals_[i].start,
-                                            std::move(totals_[i].rows), totals_[i].process));
+void WindowedCut::finish() {
+  for (std::size_t i = 0; i < tools_.size(); ++i) {
+    const Segment& segment = tool_segments(job_)[i];
+    if (tools_[i].start)
+      result_.signals =
+          joined(std::move(result_.signals),
+                 signals(segment.scene, segment.machine, segment.truth, *tools_[i].start,
+                         std::move(tools_[i].rows), tools_[i].process));
   }
-  return result;
+  if (not_converged_ > 0)
+    command_warnings_.push_back(not_converged_text(not_converged_, job_.windows->samples));
+  // As in a run of the whole, those of the commands precede those of the process.
+  result_.warnings.insert(result_.warnings.begin(), command_warnings_.begin(),
+                          command_warnings_.end());
+  run_errors_.write_to(result_);
 }
 
 }  // namespace
@@ -819,10 +824,7 @@ Cut cut_in_windows(const Job& job, const CommandSource& command_source, const Pr
                              [&run] { return run.explained_gouge(); }});
   result.surface = std::move(map.surface);
   result.interpolation = map.interpolation;
-  result.signals = run.take_signals();
-  if (run.not_converged() > 0)
-    result.warnings.push_back(not_converged_text(run.not_converged(), job.windows->samples));
-  add_warnings(chord_error_warnings(result.chord_error, result.tip_error.rms), result.warnings);
+  run.finish();
   add_warnings(idle_warnings(job.scene), result.warnings);
   add_warnings(std::move(map.warnings), result.warnings);
   result.timing_s["surface"] = watch.lap();
