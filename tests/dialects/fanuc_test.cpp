@@ -203,6 +203,17 @@ TEST(Fanuc, CodesOfGroup00StandBesideCodesOfMotion) {
   EXPECT_HAS(fanuc_refusal("G28 G68 X5. Y1.\n"), "a block without G28");
 }
 
+TEST(Fanuc, ModesOfTheServoMoveNothing) {
+  const std::string begin = "G21 G90 G54 G1 X1. F300.\n", behind = "X7. Y8.\n";
+  const program::Path without = fanuc_read(begin + behind).path;
+  for (const std::string mode : {"G5.1 Q1", "G05 P10000", "G5.4 Q1", "G5.4 Q0", "G8 P1"}) {
+    SCOPED_TRACE(mode);
+    const program::Path with = fanuc_read(begin + mode + "\n" + behind).path;
+    ASSERT_EQ(with.blocks.size(), without.blocks.size());
+    EXPECT_EQ(with.blocks.back().end, without.blocks.back().end);
+  }
+}
+
 TEST(Fanuc, BetweenTwoToolsZGoesToItsReference) {
   const program::Path path = fanuc_read(
                                  "O1\nG20\nG0 G17 G40 G80 G90\nG0 G28 G91 Z0.\nT1 M6\n"
