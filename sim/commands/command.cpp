@@ -74,8 +74,8 @@ Option threads_option(CommonOptions& common, const std::string& help) {
 Option memory_option(CommonOptions& common) {
   return {"--memory-gb", &common.memory_gb,
           "memory limit (all of the computer): `run` and `compare` keep fewer samples of the "
-          "program in "
-          "memory; a job that still needs more is rejected with an estimate before it begins",
+          "program in memory; a job that still needs more is rejected with an estimate before it "
+          "begins",
           NumberRange{0, 1'000'000}};
 }
 

@@ -117,26 +117,26 @@ Job sample_job(Job job, const CaseRequest& request, ProgressLine& progress,
 /// Returns the memory for the samples of a program, which is cut in windows if they exceed it and
 /// nothing needs all of them.
 /// @param scenes  of all jobs that are in memory together
-/// @param cases   of each of them, besides those that the scene compares
-/// @param size    expected size of the job
+/// @param cases   to cut in addition to those of [compare]
+/// @param scene   of the job, one of them
 MemoryBudget memory_budget(const std::vector<Scene>& scenes,
                            const std::vector<std::optional<CaseDescription>>& cases,
-                           const CaseRequest& request, const WorkSize& size) {
+                           const CaseRequest& request, const Scene& scene) {
   MemoryBudget budget;
   const auto add_obstacle = [&](const std::string& obstacle) {
     if (budget.windows_obstacle.empty()) budget.windows_obstacle = obstacle;
   };
   if (request.tracked) add_obstacle("the track of the tool");
-  for (const Scene& scene : scenes) {
-    for (const auto& compensator : cases) add_obstacle(find_windows_obstacle(scene, compensator));
+  for (const Scene& loaded : scenes) {
+    for (const auto& compensator : cases) add_obstacle(find_windows_obstacle(loaded, compensator));
     if (!request.compared) continue;
-    for (const CaseDescription& compensator : scene.cases)
-      add_obstacle(find_windows_obstacle(scene, compensator));
+    for (const CaseDescription& compensator : loaded.cases)
+      add_obstacle(find_windows_obstacle(loaded, compensator));
   }
   if (!budget.windows_obstacle.empty()) return budget;
-  budget.samples = [size, request, scene = scenes.front(), jobs = scenes.size()](
-                       std::size_t blocks, std::size_t vertices) {
-    WorkSize job = size;
+  budget.samples = [request, scene, jobs = scenes.size()](std::size_t blocks,
+                                                          std::size_t vertices) {
+    WorkSize job = expected_size(scene);
     job.blocks = double(blocks);
     job.vertices = double(vertices);
     return max_samples_in_memory(size_after_sampling(job, scene), request, jobs);
@@ -422,8 +422,7 @@ CaseResults cut_all_cases(const RequestedScenes& requested, const RunOptions& op
   variant_jobs.reserve(1 + variants.size());
   for (std::size_t i = 0; i < sizes.size(); ++i) {
     progress.begin(preparation_name(i));
-    const MemoryBudget memory =
-        memory_budget(scenes, {std::nullopt}, request, expected_size(scenes[i]));
+    const MemoryBudget memory = memory_budget(scenes, {std::nullopt}, request, scenes[i]);
     variant_jobs.push_back({i == 0 ? "" : scene.variants[i - 1].name,
                             sample_job(prepare(scenes[i], to(progress), memory), request, progress,
                                        memory.windows_obstacle)});
@@ -434,7 +433,7 @@ CaseResults cut_all_cases(const RequestedScenes& requested, const RunOptions& op
   if (!options.progress)
     request.max_parallel = results.max_parallel = cases_at_once(sizes, request);
   check_cut_memory(scene, sizes, request, progress,
-                   memory_budget(scenes, {std::nullopt}, request, sizes.front()).windows_obstacle);
+                   memory_budget(scenes, {std::nullopt}, request, scene).windows_obstacle);
   progress.replan(comparison_plan(scene, variants, sizes));
   for (const VariantJob& variant_job : variant_jobs)
     cut_cases(variant_job, results, retention_of_run(options), progress);
@@ -527,7 +526,7 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   const CaseRequest request =
       add_output_options(run_case_request(parse_compensator(shown_name)), options);
   const MemoryBudget memory =
-      memory_budget({scene}, {parse_compensator(shown_name)}, request, expected);
+      memory_budget({scene}, {parse_compensator(shown_name)}, request, scene);
   const Job job =
       sample_job(prepare(scene, to(progress), memory), request, progress, memory.windows_obstacle);
   check_cut_memory(scene, {work_size(job)}, request, progress, memory.windows_obstacle);

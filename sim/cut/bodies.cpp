@@ -210,15 +210,23 @@ std::vector<SolidBody> fixture_bodies(const Scene& scene) {
   return bodies;
 }
 
-std::vector<SolidBody> segment_bodies(const Segment& segment, const cutting::Design& design_w) {
+namespace {
+
+/// Returns the part as a body: as it is judged, or with several tools as it was loaded, since the
+/// search goes through its triangles for each tool.
+cutting::ClosedMesh part_body(const Job& job) {
+  if (job.segments.empty()) return {job.design_w.vertices, job.design_w.triangles, 0.0};
+  const cutting::Design loaded_w = cutting::transformed(*job.body_m, job.scene.part.T_wm);
+  return {loaded_w.vertices, loaded_w.triangles, 0.0};
+}
+
+}  // namespace
+
+std::vector<SolidBody> segment_bodies(const Job& job, const Segment& segment) {
   std::vector<SolidBody> bodies = machine_bodies(segment.scene.machine);
   std::ranges::move(fixture_bodies(segment.scene), std::back_inserter(bodies));
   const Carriers carriers{segment.truth.actual.size()};
-  bodies.push_back({SolidBody::Kind::Part,
-                    "part",
-                    "w",
-                    carriers.workpiece(),
-                    {design_w.vertices, design_w.triangles, 0.0}});
+  bodies.push_back({SolidBody::Kind::Part, "part", "w", carriers.workpiece(), part_body(job)});
   std::ranges::move(tool_bodies(segment, segment.scene.collision.gouge),
                     std::back_inserter(bodies));
   return bodies;

@@ -68,9 +68,8 @@ std::vector<SolidBody> tool_bodies(const Segment& segment, double skin);
 
 /// Returns every body of a segment: machine, fixtures, part, and cutter, shank and holder of the
 /// actual tool.
-/// @param design_w  the part
 /// @throws BadInput as `body_mesh`
-std::vector<SolidBody> segment_bodies(const Segment& segment, const cutting::Design& design_w);
+std::vector<SolidBody> segment_bodies(const Job& job, const Segment& segment);
 
 /// Returns warnings about the bodies of a segment, such as no bodies at all, a tiny mesh, or a
 /// fixture inside the part.

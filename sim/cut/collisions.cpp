@@ -132,12 +132,12 @@ SearchSetup collision_search(const std::vector<SolidBody>& bodies,
 /// Searches a segment and appends the result to that of the job.
 class SegmentSearch {
  public:
-  SegmentSearch(const ActualMotion& actual_motion, const cutting::Design& design_w,
-                std::size_t number, Collisions& result)
+  SegmentSearch(const Job& job, const ActualMotion& actual_motion, std::size_t number,
+                Collisions& result)
       : actual_motion_(actual_motion),
         number_(number),
         result_(result),
-        bodies_(segment_bodies(actual_motion.segment, design_w)),
+        bodies_(segment_bodies(job, actual_motion.segment)),
         pairs_(collision_pairs(actual_motion.segment.truth.actual, bodies_,
                                actual_motion.segment.scene.collision.ignore)),
         search_(collision_search(bodies_, pairs_)),
@@ -340,7 +340,7 @@ Collisions collisions(const Job& job, const Commands& commands, const std::strin
     } catch (const BadInput& beyond) {
       if (result.beyond_travel.empty()) result.beyond_travel = beyond.what();
     }
-    stock = SegmentSearch(actual_motion, job.design_w, i, result).run(std::move(stock), progress);
+    stock = SegmentSearch(job, actual_motion, i, result).run(std::move(stock), progress);
   }
   add_overlap_warnings(result);
   result.seconds = watch.lap();

@@ -717,11 +717,11 @@ WindowedCut::WindowedCut(const Job& job, CommandSource command_source, const Pro
     : job_(job),
       command_source_(std::move(command_source)),
       result_(result),
-      ranges_(window_ranges(*job.windows)),
+      ranges_(window_ranges(job)),
       tools_(ranges_.size()),
       run_errors_(job) {
   for (std::size_t i = 0; i < ranges_.size(); ++i) {
-    if (has_signals(job.scene, false))
+    if (has_signals(job.scene, false) && ranges_[i].first < ranges_[i].last)
       tools_[i].signal_samples.emplace(job.scene.signals.interval,
                                        job.windows->all[ranges_[i].first].start_s,
                                        job.windows->all[ranges_[i].last - 1].end_s);

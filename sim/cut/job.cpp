@@ -251,7 +251,7 @@ std::vector<Segment> sample_tools(const std::vector<ToolProgram>& programs,
     sampling.before = last_state;
     sampling.max_samples = max_samples;
     program::Samples samples = program::sample(*tool.path, machine.nominal, sampling);
-    max_samples -= samples.states.size();
+    max_samples -= std::min(max_samples, samples.states.size());
     if (!samples.states.empty()) last_state = samples.states.back();
     segments.push_back(
         make_segment(tool.scene, std::move(machine), *tool.path, sampling, std::move(samples)));
@@ -473,11 +473,13 @@ Segment make_window(const Job& job, std::size_t number) {
   return result;
 }
 
-std::vector<WindowRange> window_ranges(const Windows& windows) {
-  std::vector<WindowRange> ranges;
-  for (std::size_t i = 0; i < windows.all.size(); ++i) {
-    while (ranges.size() <= windows.all[i].segment) ranges.push_back({i, i});
-    ranges.back().last = i + 1;
+std::vector<WindowRange> window_ranges(const Job& job) {
+  const std::vector<Window>& windows = job.windows->all;
+  std::vector<WindowRange> ranges(tool_segments(job).size());
+  for (std::size_t i = 0; i < windows.size(); ++i) {
+    WindowRange& range = ranges[windows[i].segment];
+    if (range.last == 0) range.first = i;
+    range.last = i + 1;
   }
   return ranges;
 }
@@ -488,24 +490,27 @@ Process windowed_process(const Job& job, std::size_t segment,
                          const std::variant<cutting::Cutter, cutting::Nose>& tool, Process before,
                          const Progress& progress) {
   WindowedProcess process(std::move(before));
-  const WindowRange range = window_ranges(*job.windows)[segment];
+  const WindowRange range = window_ranges(job)[segment];
   const program::Path& path = tool_segments(job)[segment].path;
   for (std::size_t i = range.first; i < range.last; ++i) {
     const program::SampleWindow& blocks = job.windows->all[i].blocks;
-    if (progress) progress("stock", double(i) / double(job.windows->all.size()));
     const Segment window = make_window(job, i);
     const program::Samples window_samples = samples(window);
     const bool is_continued = blocks.continued_from.has_value();
     process.add(window.scene, window.machine, *window.body_m,
-                {window_samples,
-                 path,
-                 window.T_wt_nominal,
-                 {},
-                 chain,
-                 tool,
-                 is_continued,
-                 i + 1 < range.last},
-                is_continued ? blocks.first - 1 : blocks.first, pose);
+                {.samples = window_samples,
+                 .path = path,
+                 .T_wt = window.T_wt_nominal,
+                 .pose = {},
+                 .chain = chain,
+                 .tool = tool,
+                 .is_continued = is_continued,
+                 .continues = i + 1 < range.last},
+                is_continued ? blocks.first - 1 : blocks.first, pose, [&](double fraction) {
+                  stop_if_interrupted();
+                  if (progress)
+                    progress("stock", (double(i) + fraction) / double(job.windows->all.size()));
+                });
   }
   return process.take();
 }

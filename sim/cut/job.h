@@ -124,18 +124,18 @@ void visit_segments(const Job& job, const std::function<void(const Segment& segm
 /// @param number  index in job.windows
 Segment make_window(const Job& job, std::size_t number);
 
-/// The windows of one segment of a job: [first, last) in job.windows.
+/// The windows of one segment of a job: [first, last) in job.windows; empty if it has no samples.
 struct WindowRange {
   std::size_t first = 0, last = 0;
 };
 /// Returns the windows of each of `tool_segments`.
-std::vector<WindowRange> window_ranges(const Windows& windows);
+std::vector<WindowRange> window_ranges(const Job& job);
 
 /// Simulates the cut of one segment of a job in windows.
 /// @param samples  returns the samples of a window, commanded or nominal
-/// @param pose     returns the pose of its tool
-/// @param chain    and
-/// @param tool     are actual or nominal
+/// @param pose     returns the pose of the tool
+/// @param chain    of the nominal or the actual machine
+/// @param tool     nominal or actual, as the machine
 /// @param before   has the stock that the tools before have left; without one the blank is cut
 Process windowed_process(const Job& job, std::size_t segment,
                          const std::function<program::Samples(const Segment& window)>& samples,

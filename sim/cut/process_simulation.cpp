@@ -85,19 +85,31 @@ bool is_rapid(const program::Samples& samples, const program::Path& path, std::s
          program::Interpolation::Rapid;
 }
 
+namespace {
+
+/// Returns the travel of the tip between two poses plus the rotation of a point `reach` above it,
+/// mm.
+double sample_travel(const kinematics::Pose& from, const kinematics::Pose& to, double reach) {
+  const Eigen::Vector3d axis = to.linear().col(2), previous_axis = from.linear().col(2);
+  return (to.translation() - from.translation()).norm() +
+         reach * kinematics::angle_between(axis, previous_axis);
+}
+
+}  // namespace
+
 std::vector<std::size_t> milling_steps(const program::Samples& samples, const program::Path& path,
                                        const std::vector<kinematics::Pose>& T_wt, double step,
-                                       double reach, bool continues) {
+                                       double reach, bool continues,
+                                       const std::optional<double>& from_travel) {
   constexpr double sharp_corner = 0.1;  // rad; a step over a sharper corner would cut it off
   const auto tip = [&](std::size_t i) -> Eigen::Vector3d { return T_wt[i].translation(); };
-  const auto axis = [&](std::size_t i) -> Eigen::Vector3d { return T_wt[i].linear().col(2); };
   const auto is_rapid_at = [&](std::size_t i) { return is_rapid(samples, path, i); };
   std::vector<std::size_t> steps{0};
   double travel = 0.0;
   const std::size_t sample_count = samples.states.size();
   for (std::size_t i = 1; i < sample_count; ++i) {
-    travel +=
-        (tip(i) - tip(i - 1)).norm() + reach * kinematics::angle_between(axis(i), axis(i - 1));
+    travel =
+        i == 1 && from_travel ? *from_travel : travel + sample_travel(T_wt[i - 1], T_wt[i], reach);
     const bool is_last = i + 1 == sample_count;
     if (is_last && continues) break;
     if (travel < step && !is_last && is_rapid_at(i) == is_rapid_at(i + 1)) {
@@ -456,7 +468,7 @@ Process simulate_milling(const Scene& scene, const Machine& machine,
   Pose T_before = program.pose(0, has_step ? process.steps.back().load : Load{});
   const std::vector<std::size_t> step_samples =
       milling_steps(program.samples, program.path, program.T_wt, description.step,
-                    cutter.flank_length, program.continues);
+                    cutter.flank_length, program.continues, program.from_travel);
   for (std::size_t k = 1; k < step_samples.size(); ++k) {
     const MillingSample cut{
         description,        program, cutter, *process.stock, step_samples[k - 1], step_samples[k],
@@ -633,7 +645,8 @@ Process simulate_process(const Scene& scene, const Machine& machine,
 
 void WindowedProcess::add(const Scene& scene, const Machine& machine,
                           const cutting::Design& design_m, const FollowedProgram& window,
-                          std::size_t first_block, const PoseAt& pose) {
+                          std::size_t first_block, const PoseAt& pose,
+                          const std::function<void(double)>& progress) {
   if (!scene.cutting) return;
   const program::Samples& samples = window.samples;
   for (std::size_t i = window.is_continued ? 1 : 0; i < samples.states.size(); ++i) {
@@ -647,16 +660,32 @@ void WindowedProcess::add(const Scene& scene, const Machine& machine,
   };
   process_ = simulate_process(scene, machine, design_m,
                               {samples_, window.path, T_wt_, pose_at, window.chain, window.tool,
-                               window.is_continued, window.continues},
-                              {}, std::move(process_));
-  const auto last_step = std::ptrdiff_t(
-      milling_steps(samples_, window.path, T_wt_, scene.cutting->step,
-                    std::get<cutting::Cutter>(window.tool).flank_length, window.continues)
-          .back());
-  samples_.states.erase(samples_.states.begin(), samples_.states.begin() + last_step);
-  samples_.line.erase(samples_.line.begin(), samples_.line.begin() + last_step);
-  samples_.block.erase(samples_.block.begin(), samples_.block.begin() + last_step);
-  T_wt_.erase(T_wt_.begin(), T_wt_.begin() + last_step);
+                               window.is_continued, window.continues, travel_},
+                              progress, std::move(process_));
+  const double reach = std::get<cutting::Cutter>(window.tool).flank_length;
+  const std::size_t step = milling_steps(samples_, window.path, T_wt_, scene.cutting->step, reach,
+                                         window.continues, travel_)
+                               .back();
+  const std::size_t last = samples_.states.size() - 1;
+  // Added up in the order of `milling_steps`, so that the travel has its bits.
+  std::optional<double> travel;
+  for (std::size_t i = step + 1; i <= last; ++i)
+    travel = i == 1 && travel_
+                 ? *travel_
+                 : travel.value_or(0.0) + sample_travel(T_wt_[i - 1], T_wt_[i], reach);
+  travel_ = travel;
+  const std::size_t kept[] = {step, last};
+  const std::size_t count = step == last ? 1 : 2;
+  for (std::size_t k = 0; k < count; ++k) {
+    samples_.states[k] = samples_.states[kept[k]];
+    samples_.line[k] = samples_.line[kept[k]];
+    samples_.block[k] = samples_.block[kept[k]];
+    T_wt_[k] = T_wt_[kept[k]];
+  }
+  samples_.states.resize(count);
+  samples_.line.resize(count);
+  samples_.block.resize(count);
+  T_wt_.resize(count);
 }
 
 }  // namespace abbe::sim

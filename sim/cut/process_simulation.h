@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -38,11 +39,15 @@ bool is_rapid(const program::Samples& samples, const program::Path& path, std::s
 /// Returns the samples between which milling removes material: after every `step` (mm) of travel of
 /// the tip plus the rotation of a point `reach` (mm) above it, wherever the motion turns by more
 /// than 0.1 rad, and where rapid and feed meet. The first is 0, the last the last sample.
-/// @param T_wt      (samples)
-/// @param continues  true if further samples follow: then the last one is not a step for being last
+/// @param T_wt        (samples)
+/// @param continues    true if further samples follow: then the last one is not a step for being
+///     last
+/// @param from_travel  travel from sample 0 to sample 1, mm, if it is longer than the line between
+///     them because samples were left out
 std::vector<std::size_t> milling_steps(const program::Samples& samples, const program::Path& path,
                                        const std::vector<kinematics::Pose>& T_wt, double step,
-                                       double reach, bool continues = false);
+                                       double reach, bool continues = false,
+                                       const std::optional<double>& from_travel = {});
 
 /// Returns the turned blank of a scene with [cutting] about a spindle axis.
 /// @throws std::invalid_argument if the blank is of another kind or not valid, std::length_error if
@@ -69,9 +74,9 @@ struct FollowedProgram {
   PoseUnderLoad pose;                         ///< actual poses
   const kinematics::Chain& chain;             ///< whose spindle axis turns the part
   const std::variant<cutting::Cutter, cutting::Nose>& tool;
-  bool is_continued =
-      false;               ///< true if its first sample is the last step of the process before it
-  bool continues = false;  ///< true if further samples of the same tool follow
+  bool is_continued = false;  ///< true if the process before it ends at its first sample
+  bool continues = false;     ///< true if further samples of the same tool follow
+  std::optional<double> from_travel = {};  ///< as for `milling_steps`
 };
 
 /// Simulates the cut. The engagement gives the force, which displaces the tool, which then has
@@ -82,9 +87,8 @@ struct FollowedProgram {
 /// of the flank of a flat end mill. Turning is evaluated once a revolution. A rapid, or the shank,
 /// that removes material is a crash. Empty for a scene without [cutting].
 /// @param design_m  the part in its own frame, for a blank that is its offset
-/// @param before    has the stock that the tools before have left; without a stock the blank is
-/// cut.
-///     For a continued program it is the process so far, to which the steps are appended
+/// @param before    has the stock that the tools before have left, or without one the blank is cut;
+///     of a continued program it is the process so far, to which the steps are appended
 /// @throws BadInput naming the scene or the program line: a blank that is not valid, too many
 ///     dexels, a cut with a spindle at rest or in the wrong direction, or a feed per tooth larger
 ///     than the radius of the cutter
@@ -93,7 +97,8 @@ Process simulate_process(const Scene& scene, const Machine& machine,
                          const std::function<void(double)>& progress = {}, Process before = {});
 
 /// Simulates the milling of a program that comes in windows. Its steps are those of the whole
-/// program: the samples behind the last step of a window are kept for the next.
+/// program: the last step of a window and its last sample are kept for the next window, with the
+/// travel between them.
 class WindowedProcess {
  public:
   /// Returns the actual pose of the tool at a state under a load.
@@ -107,13 +112,15 @@ class WindowedProcess {
   /// @param window       with the path of the whole program; its poses are those of `pose`
   /// @param first_block  number in that path of the block that the samples number 0
   void add(const Scene& scene, const Machine& machine, const cutting::Design& design_m,
-           const FollowedProgram& window, std::size_t first_block, const PoseAt& pose);
+           const FollowedProgram& window, std::size_t first_block, const PoseAt& pose,
+           const std::function<void(double)>& progress = {});
   Process take() { return std::move(process_); }
 
  private:
   Process process_;
-  program::Samples samples_;            // from the last step on
+  program::Samples samples_;            // the last step, and the last sample if it is another
   std::vector<kinematics::Pose> T_wt_;  // (samples)
+  std::optional<double> travel_;        // from that step to that sample, mm
 };
 
 }  // namespace abbe::sim

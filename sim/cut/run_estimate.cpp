@@ -262,15 +262,21 @@ WorkSize total_size(const std::vector<WorkSize>& jobs) {
   for (const WorkSize& job : jobs) {
     sum.vertices += job.vertices;
     sum.samples += samples_in_memory(job);
+    sum.window_samples += job.window_samples;
+    sum.window_steps += job.window_steps;
   }
   return sum;
 }
 
 std::string memory_text(const std::vector<WorkSize>& jobs, const CaseRequest& request) {
   const WorkSize total = total_size(jobs);
-  return fmt::format("about {} for {:.0f} samples of the program, {:.0f} vertices and {:.0f} {}",
-                     gigabyte_text(peak_memory(jobs, request)), total.samples, total.vertices,
-                     request.kept, request.kept == 1.0 ? "case" : "cases");
+  const std::string steps =
+      total.window_steps > 0.0 ? fmt::format(", {:.0f} steps of the cut", total.window_steps) : "";
+  return fmt::format(
+      "about {} for {:.0f} samples of the program{}{}, {:.0f} vertices and {:.0f} {}",
+      gigabyte_text(peak_memory(jobs, request)), total.samples,
+      total.window_samples > 0.0 ? " in memory" : "", steps, total.vertices, request.kept,
+      request.kept == 1.0 ? "case" : "cases");
 }
 
 /// Returns the keys that set the largest fraction of the memory.
@@ -279,6 +285,8 @@ std::vector<std::string> dominant_keys(const Scene& scene, const std::vector<Wor
   if (bytes_of_vertex_drawn * total.vertices >
       (bytes_of_sample + bytes_of_sample_cut) * total.samples)
     return {"part.points", "part.resolution_um", "part.vertices"};
+  if (sizeof(ProcessStep) * total.window_steps > bytes_of_sample * total.samples)
+    return {"cutting.step_mm"};
   if (std::holds_alternative<ProgramDescription::File>(scene.program.source))
     return {"sampling.max_step_mm", "sampling.chord_tolerance_nm"};
   return {"sampling.max_step_mm", "sampling.chord_tolerance_nm", "program.step_over_mm",

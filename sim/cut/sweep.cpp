@@ -210,10 +210,11 @@ Sweep sweep_in_windows(const std::vector<WindowedTool>& tools,
 std::vector<WindowedTool> windowed_tools(
     const Job& job, const std::variant<cutting::Cutter, cutting::Nose> ToolDescription::*shape) {
   std::vector<WindowedTool> tools;
-  const std::vector<WindowRange> ranges = window_ranges(*job.windows);
+  const std::vector<WindowRange> ranges = window_ranges(job);
   const auto segments = tool_segments(job);
   for (std::size_t i = 0; i < ranges.size(); ++i)
-    tools.push_back({std::get<Cutter>(segments[i].scene.tool.*shape), ranges[i]});
+    if (ranges[i].first < ranges[i].last)
+      tools.push_back({std::get<Cutter>(segments[i].scene.tool.*shape), ranges[i]});
   return tools;
 }
 

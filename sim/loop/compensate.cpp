@@ -369,7 +369,6 @@ std::string find_windows_obstacle(const Scene& scene,
   if (scene.collision.is_enabled) return "[collision]";
   // Accelerations depend on the samples on both sides.
   if (scene.compliance && scene.compliance->inertia) return "compliance.inertia";
-  if (scene.sensor_choice) return "a choice of sensors";
   if (!compensator) return {};
   if (!compensator->plug_in.empty() || compensator->function) return "a user compensator";
   // A channel depends on neighbouring samples.

@@ -252,7 +252,7 @@ void add_bodies(PageData& data, const Job& job) {
   data.index["machine"]["bodies"] = ordered_json::array();
   const std::span<const Segment> segments = job_segments(job);
   for (std::size_t tool = 0; tool < segments.size(); ++tool)
-    for (const SolidBody& body : segment_bodies(segments[tool], job.design_w))
+    for (const SolidBody& body : segment_bodies(job, segments[tool]))
       if (is_tool_body(body))
         add_body(data, body, segments.size() > 1 ? int(tool) : -1);
       else if (tool == 0)

@@ -333,7 +333,7 @@ void ProgramFilm::add_bodies() {
   const auto& joints = first.machine.nominal.joints();
   const auto segments = job_segments(source_.job);
   for (std::size_t segment = 0; segment < segments.size(); ++segment) {
-    const std::vector<SolidBody> solids = segment_bodies(segments[segment], source_.job.design_w);
+    const std::vector<SolidBody> solids = segment_bodies(source_.job, segments[segment]);
     for (const SolidBody& solid : solids) {
       if (segment > 0) break;
       if (solid.kind == SolidBody::Kind::Fixture)

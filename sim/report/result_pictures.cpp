@@ -148,7 +148,7 @@ render::MachinePicture collision_picture(const Job& job, const Collisions& colli
       segment.truth.actual, event.state.q, deviations(segment.truth, event.state).joints);
   render::MachinePicture picture;
   picture.title = fmt::format("{}: {} and {}", job.scene.title, event.a, event.b);
-  for (const SolidBody& solid : segment_bodies(segment, job.design_w)) {
+  for (const SolidBody& solid : segment_bodies(job, segment)) {
     const bool is_involved = solid.name == event.a || solid.name == event.b;
     const kinematics::Pose& T_b = T[std::size_t(solid.frame)];
     if (solid.kind == SolidBody::Kind::Part) {

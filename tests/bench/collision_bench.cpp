@@ -92,7 +92,7 @@ void report(const char* what, const Timed& timed) {
 /// Seconds that every pair at every instant would take, from a few of them.
 void report_naive(const fs::path& folder, const Timed& all) {
   const sim::Job job = sim::prepare(sim::read_scene(folder / "scene.toml"));
-  const std::vector<sim::SolidBody> solids = sim::segment_bodies(job, job.design_w);
+  const std::vector<sim::SolidBody> solids = sim::segment_bodies(job, job);
   std::vector<cutting::Body> bodies;
   for (const sim::SolidBody& one : solids) bodies.push_back(cutting::make_body(one.mesh));
   const std::vector<cutting::BodyPair> pairs = sim::collision_pairs(job.truth.actual, solids, {});

@@ -138,7 +138,7 @@ TEST(ProgramFilm, BodiesStandWhereTheActualAxesCarryThem) {
   const Cut made = cut(job, commands);
   ProgramFilm film({job, commands, made.process, &made.surface}, whole_plan(job, 6));
   std::vector<SolidBody> moved;  // in the order of the film: of the machine, then the tool
-  for (const SolidBody& body : segment_bodies(job, job.design_w))
+  for (const SolidBody& body : segment_bodies(job, job))
     if (body.kind != SolidBody::Kind::Part) moved.push_back(body);
   ASSERT_EQ(film.setting().bodies.size(), moved.size());
   const Carriers carriers{job.truth.actual.size()};

@@ -404,7 +404,7 @@ TEST(Collisions, ANameThatTwoBodiesHaveIsRefused) {
   EXPECT_EQ(input_errors(fixture("") + fixture("")), "");
   const Job two = planted_job({"G1 Z90 F1000", "", fixture("") + fixture("")});
   std::vector<std::string> names;
-  for (const SolidBody& body : segment_bodies(two, two.design_w))
+  for (const SolidBody& body : segment_bodies(two, two))
     if (body.kind == SolidBody::Kind::Fixture) names.push_back(body.name);
   EXPECT_EQ(names, (std::vector<std::string>{"fixture 1", "fixture 2"}));
   const std::vector<Override> twice = {

@@ -186,7 +186,7 @@ class NamedMesh : public testing::Test {
   std::vector<std::string> warnings(const Meshes& of) const {
     const Job job = prepare(scene(of));
     std::vector<std::string> all = job.warnings;
-    for (std::string& text : body_warnings(job, segment_bodies(job, job.design_w)))
+    for (std::string& text : body_warnings(job, segment_bodies(job, job)))
       all.push_back(std::move(text));
     return all;
   }
@@ -202,7 +202,7 @@ class NamedMesh : public testing::Test {
   std::string refusal(const Meshes& of) const {
     return refusal_by([&] {
       const Job job = prepare(scene(of));
-      segment_bodies(job, job.design_w);
+      segment_bodies(job, job);
       check_placement(job);
     });
   }
