@@ -606,7 +606,7 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Rete
   result.warnings = commands.warnings;
   if (commands.not_converged > 0)
     result.warnings.push_back(
-        not_converged_text(commands.not_converged, commands.samples.states.size()));
+        not_converged_text(commands.not_converged, job.samples.states.size()));
   // The travel is checked first, since collisions, poses and surface take most of the time.
   check_travel(job, commands);
   if (job.scene.collision.is_enabled) {
@@ -649,9 +649,9 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Rete
 namespace {
 
 /// Returns the commands of a window, whose axes stay within their travel.
-Commands checked_commands(const Segment& window, std::size_t segment,
+Commands checked_commands(const Segment& window, std::size_t number,
                           const CommandSource& command_source) {
-  Commands commands = command_source(window, segment);
+  Commands commands = command_source(window, number);
   check_travel(window.machine, path_of(window, commands), commands.samples);
   return commands;
 }
@@ -661,14 +661,14 @@ Commands checked_commands(const Segment& window, std::size_t segment,
 Process segment_process(const Job& job, std::size_t segment, const CommandSource& command_source,
                         Process before, const Progress& progress) {
   const Segment& tool = tool_segments(job)[segment];
-  const auto samples = [&](const Segment& window) {
-    return checked_commands(window, segment, command_source).samples;
+  const auto commands = [&](const Segment& window, std::size_t number) {
+    return checked_commands(window, number, command_source);
   };
   const auto pose = [&](const AxisState& state, const Pose&, const errors::Load& load) {
     return tool_in_workpiece(tool.truth, state, load);
   };
   return check_table_range(tool, [&] {
-    return windowed_process(job, segment, samples, pose, tool.truth.actual, tool.scene.tool.actual,
+    return windowed_process(job, segment, commands, pose, tool.truth.actual, tool.scene.tool.actual,
                             std::move(before), progress);
   });
 }
@@ -687,7 +687,8 @@ struct WindowedRun {
 /// cut when the window first runs.
 class WindowedCut {
  public:
-  WindowedCut(const Job& job, CommandSource command_source, const Progress& progress, Cut& result);
+  WindowedCut(const Job& job, const WindowedProgram& program, const Progress& progress,
+              Cut& result);
 
   SweptWindow at(std::size_t number);
   void visit_sweeps(const std::function<void(const ToolSweep&)>& use);
@@ -702,7 +703,7 @@ class WindowedCut {
                     const std::vector<errors::Load>& loads);
 
   const Job& job_;
-  CommandSource command_source_;
+  const WindowedProgram& program_;
   Cut& result_;
   std::vector<WindowRange> ranges_;  // by tool
   std::vector<WindowedRun> tools_;
@@ -712,10 +713,10 @@ class WindowedCut {
   std::vector<std::string> command_warnings_;
 };
 
-WindowedCut::WindowedCut(const Job& job, CommandSource command_source, const Progress& progress,
+WindowedCut::WindowedCut(const Job& job, const WindowedProgram& program, const Progress& progress,
                          Cut& result)
     : job_(job),
-      command_source_(std::move(command_source)),
+      program_(program),
       result_(result),
       ranges_(window_ranges(job)),
       tools_(ranges_.size()),
@@ -723,13 +724,13 @@ WindowedCut::WindowedCut(const Job& job, CommandSource command_source, const Pro
   for (std::size_t i = 0; i < ranges_.size(); ++i) {
     if (has_signals(job.scene, false) && ranges_[i].first < ranges_[i].last)
       tools_[i].signal_samples.emplace(job.scene.signals.interval,
-                                       job.windows->all[ranges_[i].first].start_s,
-                                       job.windows->all[ranges_[i].last - 1].end_s);
+                                       program.windows[ranges_[i].first].start_s,
+                                       program.windows[ranges_[i].last - 1].end_s);
     if (!job.scene.cutting) continue;
     // The process of the whole program comes first: a sample between two steps, whose load lies
     // between theirs, may be in another window than the second.
     add_process(job, i,
-                segment_process(job, i, command_source_, take_stock(result.process), progress),
+                segment_process(job, i, program.commands, take_stock(result.process), progress),
                 result);
     tools_[i].process = part_process(result.process, i);
   }
@@ -738,7 +739,7 @@ WindowedCut::WindowedCut(const Job& job, CommandSource command_source, const Pro
 SweptWindow WindowedCut::at(std::size_t number) {
   const std::size_t tool = job_.windows->all[number].segment;
   const Segment window = make_window(job_, number);
-  Commands commands = checked_commands(window, tool, command_source_);
+  Commands commands = checked_commands(window, number, program_.commands);
   const ActualRun run = actual_run(window, commands);
   const std::vector<errors::Load> loads = sample_loads(run, tools_[tool].process);
   std::vector<Pose> T_wt = checked_poses(run, loads);
@@ -810,18 +811,18 @@ void WindowedCut::finish() {
 
 }  // namespace
 
-Cut cut_in_windows(const Job& job, const CommandSource& command_source, const Progress& progress) {
+Cut cut_in_windows(const Job& job, const WindowedProgram& program, const Progress& progress) {
   Stopwatch watch;
   Cut result;
   result.name = result.case_name = "uncompensated";
-  WindowedCut run(job, command_source, progress, result);
+  WindowedCut run(job, program, progress, result);
   if (job.scene.cutting) result.timing_s["stock"] = watch.lap();
   if (progress) progress("surface", 0.0);
   const auto window = [&run](std::size_t number) { return run.at(number); };
   const Sweep sweep = sweep_in_windows(windowed_tools(job, &ToolDescription::actual), window,
                                        surface_options(job, progress));
-  CutMap map = cut_map(job, {sweep, [&run](const auto& use) { run.visit_sweeps(use); }, job.path,
-                             [&run] { return run.explained_gouge(); }});
+  CutMap map = cut_map(job, {sweep, [&run](const auto& use) { run.visit_sweeps(use); },
+                             program.path, [&run] { return run.explained_gouge(); }});
   result.surface = std::move(map.surface);
   result.interpolation = map.interpolation;
   run.finish();
@@ -834,7 +835,10 @@ Cut cut_in_windows(const Job& job, const CommandSource& command_source, const Pr
 Cut cut(const Job& job, const Progress& progress, Retention keep) {
   if (job.windows)
     return cut_in_windows(
-        job, [](const Segment& window, std::size_t) { return segment_commands(window); }, progress);
+        job,
+        {[](const Segment& window, std::size_t) { return segment_commands(window); }, job.path,
+         job.windows->all},
+        progress);
   Stopwatch watch;
   const Commands commands = uncompensated_commands(job);
   const double correction_s = watch.lap();

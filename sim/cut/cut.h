@@ -3,6 +3,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -61,17 +62,18 @@ Cut cut(const Job& job, const Progress& progress = {}, Retention keep = Retentio
 Cut cut(const Job& job, const Commands& commands, const Progress& progress = {},
         Retention keep = Retention::Map);
 
-/// Returns the commands of a window of a job.
-/// @param segment  index in `tool_segments` of its tool
-using CommandSource = std::function<Commands(const Segment& window, std::size_t segment)>;
+/// The program of a case in the windows of a job: that of the job, or a rewritten one.
+struct WindowedProgram {
+  CommandSource commands;           ///< must not depend on samples outside the window
+  const program::Path& path;        ///< of all tools
+  std::span<const Window> windows;  ///< (windows of the job) with the times of this program
+};
 
 /// Cuts a job in windows on the machine with errors, in the memory of one window and of the steps
 /// of the cutting process. Each window is sampled, commanded and swept as often as the surface
 /// needs it; figures are those of the first time.
-/// @param command_source  whose result must not depend on samples outside the window
 /// @throws BadInput, CollisionStop  as `cut`
-Cut cut_in_windows(const Job& job, const CommandSource& command_source,
-                   const Progress& progress = {});
+Cut cut_in_windows(const Job& job, const WindowedProgram& program, const Progress& progress = {});
 
 /// Throws BadInput with the first program line on which a commanded axis leaves its travel.
 void check_travel(const Job& job, const Commands& commands);

@@ -484,29 +484,25 @@ std::vector<WindowRange> window_ranges(const Job& job) {
   return ranges;
 }
 
-Process windowed_process(const Job& job, std::size_t segment,
-                         const std::function<program::Samples(const Segment& window)>& samples,
+Process windowed_process(const Job& job, std::size_t segment, const CommandSource& command_source,
                          const WindowedProcess::PoseAt& pose, const kinematics::Chain& chain,
                          const std::variant<cutting::Cutter, cutting::Nose>& tool, Process before,
                          const Progress& progress) {
   WindowedProcess process(std::move(before));
   const WindowRange range = window_ranges(job)[segment];
-  const program::Path& path = tool_segments(job)[segment].path;
   for (std::size_t i = range.first; i < range.last; ++i) {
-    const program::SampleWindow& blocks = job.windows->all[i].blocks;
     const Segment window = make_window(job, i);
-    const program::Samples window_samples = samples(window);
-    const bool is_continued = blocks.continued_from.has_value();
+    const Commands commands = command_source(window, i);
     process.add(window.scene, window.machine, *window.body_m,
-                {.samples = window_samples,
-                 .path = path,
-                 .T_wt = window.T_wt_nominal,
+                {.samples = commands.samples,
+                 .path = path_of(window, commands),
+                 .T_wt = target_poses(window, commands),
                  .pose = {},
                  .chain = chain,
                  .tool = tool,
-                 .is_continued = is_continued,
+                 .is_continued = window.sampling.continued_from.has_value(),
                  .continues = i + 1 < range.last},
-                is_continued ? blocks.first - 1 : blocks.first, pose, [&](double fraction) {
+                pose, [&](double fraction) {
                   stop_if_interrupted();
                   if (progress)
                     progress("stock", (double(i) + fraction) / double(job.windows->all.size()));
@@ -558,7 +554,12 @@ Process nominal_process(const Job& job, const Progress& progress) {
     const kinematics::Chain& chain = segment.machine.nominal;
     if (job.windows) {
       append_part(windowed_process(
-                      job, i, [](const Segment& window) { return window.samples; },
+                      job, i,
+                      [](const Segment& window, std::size_t) {
+                        Commands commands;
+                        commands.samples = window.samples;
+                        return commands;
+                      },
                       [](const AxisState&, const Pose& T_wt, const errors::Load&) { return T_wt; },
                       chain, segment.scene.tool.nominal, take_stock(process), progress),
                   process);

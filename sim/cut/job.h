@@ -131,14 +131,17 @@ struct WindowRange {
 /// Returns the windows of each of `tool_segments`.
 std::vector<WindowRange> window_ranges(const Job& job);
 
+/// Returns the commands of a window of a job.
+/// @param number  index in job.windows
+using CommandSource = std::function<Commands(const Segment& window, std::size_t number)>;
+
 /// Simulates the cut of one segment of a job in windows.
-/// @param samples  returns the samples of a window, commanded or nominal
+/// @param command_source  returns the actual or the nominal commands
 /// @param pose     returns the pose of the tool
 /// @param chain    of the nominal or the actual machine
 /// @param tool     nominal or actual, as the machine
 /// @param before   has the stock that the tools before have left; without one the blank is cut
-Process windowed_process(const Job& job, std::size_t segment,
-                         const std::function<program::Samples(const Segment& window)>& samples,
+Process windowed_process(const Job& job, std::size_t segment, const CommandSource& command_source,
                          const WindowedProcess::PoseAt& pose, const kinematics::Chain& chain,
                          const std::variant<cutting::Cutter, cutting::Nose>& tool, Process before,
                          const Progress& progress = {});

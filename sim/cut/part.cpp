@@ -317,12 +317,6 @@ Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   return part;
 }
 
-// Returns true if a program is a table of positions over time, as the suffix of its file says.
-bool is_pvt(const ProgramDescription::File& description) {
-  const std::string suffix = description.file.extension().string();
-  return description.dialect != dialects::Dialect::Cl && (suffix == ".csv" || suffix == ".pvt");
-}
-
 std::string skipped_text(const dialects::ParsedProgram& program_read) {
   std::size_t count = 0;
   std::string list;

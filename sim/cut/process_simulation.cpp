@@ -645,27 +645,32 @@ Process simulate_process(const Scene& scene, const Machine& machine,
 
 void WindowedProcess::add(const Scene& scene, const Machine& machine,
                           const cutting::Design& design_m, const FollowedProgram& window,
-                          std::size_t first_block, const PoseAt& pose,
-                          const std::function<void(double)>& progress) {
+                          const PoseAt& pose, const std::function<void(double)>& progress) {
   if (!scene.cutting) return;
   const program::Samples& samples = window.samples;
+  program::Path path = window.path;
+  const int kept_blocks = int(blocks_.size());
+  // Of the blocks before the window only feed and rapid are told apart, so their arcs may be
+  // missing.
+  path.blocks.insert(path.blocks.begin(), blocks_.begin(), blocks_.end());
   for (std::size_t i = window.is_continued ? 1 : 0; i < samples.states.size(); ++i) {
     samples_.states.push_back(samples.states[i]);
     samples_.line.push_back(samples.line[i]);
-    samples_.block.push_back(samples.block[i] + int(first_block));
+    samples_.block.push_back(samples.block[i] + kept_blocks);
     T_wt_.push_back(window.T_wt[i]);
   }
   const auto pose_at = [&](std::size_t i, const Load& load) {
     return pose(samples_.states[i], T_wt_[i], load);
   };
   process_ = simulate_process(scene, machine, design_m,
-                              {samples_, window.path, T_wt_, pose_at, window.chain, window.tool,
+                              {samples_, path, T_wt_, pose_at, window.chain, window.tool,
                                window.is_continued, window.continues, travel_},
                               progress, std::move(process_));
+  if (samples_.states.empty()) return;
   const double reach = std::get<cutting::Cutter>(window.tool).flank_length;
-  const std::size_t step = milling_steps(samples_, window.path, T_wt_, scene.cutting->step, reach,
-                                         window.continues, travel_)
-                               .back();
+  const std::size_t step =
+      milling_steps(samples_, path, T_wt_, scene.cutting->step, reach, window.continues, travel_)
+          .back();
   const std::size_t last = samples_.states.size() - 1;
   // Added up in the order of `milling_steps`, so that the travel has its bits.
   std::optional<double> travel;
@@ -674,18 +679,18 @@ void WindowedProcess::add(const Scene& scene, const Machine& machine,
                  ? *travel_
                  : travel.value_or(0.0) + sample_travel(T_wt_[i - 1], T_wt_[i], reach);
   travel_ = travel;
-  const std::size_t kept[] = {step, last};
-  const std::size_t count = step == last ? 1 : 2;
-  for (std::size_t k = 0; k < count; ++k) {
-    samples_.states[k] = samples_.states[kept[k]];
-    samples_.line[k] = samples_.line[kept[k]];
-    samples_.block[k] = samples_.block[kept[k]];
-    T_wt_[k] = T_wt_[kept[k]];
+  blocks_.clear();
+  program::Samples kept;
+  std::vector<kinematics::Pose> kept_T_wt;
+  for (std::size_t i = step; i <= last; i += std::max<std::size_t>(1, last - step)) {
+    kept.states.push_back(samples_.states[i]);
+    kept.line.push_back(samples_.line[i]);
+    kept.block.push_back(int(blocks_.size()));
+    kept_T_wt.push_back(T_wt_[i]);
+    blocks_.push_back(path.blocks[std::size_t(samples_.block[i])]);
   }
-  samples_.states.resize(count);
-  samples_.line.resize(count);
-  samples_.block.resize(count);
-  T_wt_.resize(count);
+  samples_ = std::move(kept);
+  T_wt_ = std::move(kept_T_wt);
 }
 
 }  // namespace abbe::sim

@@ -109,16 +109,16 @@ class WindowedProcess {
   explicit WindowedProcess(Process before) : process_(std::move(before)) {}
 
   /// Simulates a window. A continued window begins with the last sample of the one before.
-  /// @param window       with the path of the whole program; its poses are those of `pose`
-  /// @param first_block  number in that path of the block that the samples number 0
+  /// @param window  whose poses are those of `pose`
   void add(const Scene& scene, const Machine& machine, const cutting::Design& design_m,
-           const FollowedProgram& window, std::size_t first_block, const PoseAt& pose,
+           const FollowedProgram& window, const PoseAt& pose,
            const std::function<void(double)>& progress = {});
   Process take() { return std::move(process_); }
 
  private:
   Process process_;
   program::Samples samples_;            // the last step, and the last sample if it is another
+  std::vector<program::Block> blocks_;  // (samples) of each
   std::vector<kinematics::Pose> T_wt_;  // (samples)
   std::optional<double> travel_;        // from that step to that sample, mm
 };

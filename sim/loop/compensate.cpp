@@ -204,7 +204,7 @@ ControlView make_control_view(const Job& job, const Segment& segment) {
           scene.chord_tolerance,
           scene.cutting.has_value(),
           nc_options(scene, segment.machine),
-          sample_options(scene, segment.machine),
+          segment.sampling,
           segment.path,
           segment.samples,
           segment.T_wt_nominal,
@@ -314,7 +314,7 @@ Corrector perfect_in_windows(const Job& job, std::size_t number, const ControlVi
   PredictedRun run{without_stock(segment.nominal_process), {}};
   const Corrector corrector = belief_corrector(view, compensator, perfect_belief(segment, run));
   if (!segment.truth.compliance || segment.nominal_process.steps.empty()) return corrector;
-  const auto corrected = [&](const Segment& window, std::size_t) {
+  const auto corrected = [&](const Segment& window, std::size_t /*number*/) {
     Commands commands = segment_commands(window);
     commands.samples.states = corrector(commands.samples.states, window.T_wt_nominal).states;
     return commands;
@@ -323,36 +323,196 @@ Corrector perfect_in_windows(const Job& job, std::size_t number, const ControlVi
   return belief_corrector(view, compensator, perfect_belief(segment, std::move(run)));
 }
 
-/// Cuts a job in windows. The correction of each tool is learned once and is applied to all its
-/// windows.
-Cut cut_in_windows(const Job& job, const CaseDescription& compensator, const Progress& progress) {
+/// The corrections of the tools of a job in windows, each learned once for all its windows.
+class WindowedCorrections {
+ public:
+  WindowedCorrections(const Job& job, const CaseDescription& compensator, const Progress& progress);
+
+  /// Returns the corrected commands of a window, before a channel.
+  Commands ideal_commands(const Segment& window, std::size_t number) const;
+  /// Returns the program of a tool with its correction.
+  /// @param tool  index in `tool_segments`
+  CorrectedProgram corrected_program(std::size_t tool) const;
+  /// Returns the view of a tool, with its whole program.
+  const ControlView& view(std::size_t tool) const { return views_[tool]; }
+
+ private:
+  MachineAccess machine_access(const Segment& segment, std::size_t tool,
+                               const Process& before) const;
+
+  const Job& job_;
+  CaseDescription compensator_;
+  std::deque<ControlView> views_;  // to which the corrections refer
+  std::vector<LearnedCorrection> corrections_;
+  Process no_stock_;
+};
+
+WindowedCorrections::WindowedCorrections(const Job& job, const CaseDescription& compensator,
+                                         const Progress& progress)
+    : job_(job), compensator_(compensator) {
   const auto segments = tool_segments(job);
-  std::vector<LearnedCorrection> corrections;
-  const auto access = [&](const Segment& segment, std::size_t number, const Process& before) {
-    MachineAccess result = make_machine_access(job, segment, before);
-    result.perfect = [&job, number, &before](const ControlView& view,
-                                             const CaseDescription& description) {
-      return perfect_in_windows(job, number, view, description, before);
-    };
-    return result;
-  };
-  const Process no_stock;
-  const auto commands = [&](const Segment& window, std::size_t number) {
-    return compensated_commands(make_control_view(job, window), access(window, number, no_stock),
-                                compensator, corrections[number]);
-  };
-  Process stock;                  // that the tools so far have left
-  std::deque<ControlView> views;  // to which the corrections refer
+  Process stock;  // that the tools so far have left
   for (std::size_t i = 0; i < segments.size(); ++i) {
-    views.push_back(make_control_view(job, segments[i]));
-    corrections.push_back(
-        learn_correction(views.back(), access(segments[i], i, stock), compensator, progress));
-    if (i + 1 < segments.size() && follows_stock(segments[i], compensator)) {
-      Process process = segment_process(job, i, commands, take_stock(stock));
-      stock = take_stock(process);
-    }
+    views_.push_back(make_control_view(job, segments[i]));
+    corrections_.push_back(learn_correction(views_.back(), machine_access(segments[i], i, stock),
+                                            compensator, progress));
+    if (i + 1 == segments.size() || !follows_stock(segments[i], compensator)) continue;
+    const auto commands = [this](const Segment& window, std::size_t number) {
+      return ideal_commands(window, number);
+    };
+    Process process = segment_process(job, i, commands, take_stock(stock));
+    stock = take_stock(process);
   }
-  Cut result = cut_in_windows(job, commands, progress);
+}
+
+MachineAccess WindowedCorrections::machine_access(const Segment& segment, std::size_t tool,
+                                                  const Process& before) const {
+  MachineAccess result = make_machine_access(job_, segment, before);
+  result.perfect = [this, tool, &before](const ControlView& view,
+                                         const CaseDescription& description) {
+    return perfect_in_windows(job_, tool, view, description, before);
+  };
+  return result;
+}
+
+Commands WindowedCorrections::ideal_commands(const Segment& window, std::size_t number) const {
+  CaseDescription ideal = compensator_;
+  ideal.channel = CaseDescription::Channel::Ideal;
+  const std::size_t tool = job_.windows->all[number].segment;
+  return compensated_commands(make_control_view(job_, window),
+                              machine_access(window, tool, no_stock_), ideal, corrections_[tool]);
+}
+
+CorrectedProgram WindowedCorrections::corrected_program(std::size_t tool) const {
+  const WindowRange range = window_ranges(job_)[tool];
+  const auto visit_ranges = [&](const std::function<void(const ControlView&)>& use) {
+    for (std::size_t i = range.first; i < range.last; ++i) {
+      const Segment window = make_window(job_, i);
+      use(make_control_view(job_, window));
+    }
+  };
+  return sim::corrected_program(visit_ranges, views_[tool],
+                                machine_access(tool_segments(job_)[tool], tool, no_stock_),
+                                compensator_, corrections_[tool]);
+}
+
+/// The program of a job in windows, corrected, rewritten and read by the control. Its windows have
+/// the blocks that come from those of the windows of the original.
+class RewrittenWindows {
+ public:
+  RewrittenWindows(const Job& job, const WindowedCorrections& corrections);
+
+  Commands commands(std::size_t number) const;
+  const RewrittenPath& rewritten() const { return rewritten_; }
+  std::span<const Window> windows() const { return windows_; }
+
+ private:
+  /// The rewritten program of a tool.
+  struct ToolProgram {
+    CorrectedProgram corrected;  // without its points
+    program::Path path = {};
+    std::size_t first_original_block = 0;  // in the program of all tools
+    program::SampleOptions sampling = {};
+  };
+  void divide(ToolProgram& tool, std::size_t first_block, const WindowRange& range);
+  program::SampleOptions sampling(std::size_t number) const;
+
+  const WindowedCorrections& corrections_;
+  std::vector<WindowRange> ranges_;  // by tool
+  RewrittenPath rewritten_;
+  std::vector<ToolProgram> tools_;
+  std::vector<Window> windows_;
+  kinematics::AxisState last_state_;  // of the tools so far, for directions of approach
+};
+
+RewrittenWindows::RewrittenWindows(const Job& job, const WindowedCorrections& corrections)
+    : corrections_(corrections), ranges_(window_ranges(job)), windows_(job.windows->all) {
+  std::vector<CorrectedProgram> corrected;
+  for (std::size_t i = 0; i < ranges_.size(); ++i)
+    corrected.push_back(corrections.corrected_program(i));
+  rewritten_ =
+      rewrite(corrected, job.scene.compensation, job.path, nc_options(job.scene, job.machine));
+  std::size_t original_block = 0, block = 0;
+  for (std::size_t i = 0; i < ranges_.size(); ++i) {
+    const std::size_t next_original_block = original_block + corrections.view(i).path.blocks.size();
+    const std::size_t next_block = find_rewritten_block(rewritten_, next_original_block, block);
+    tools_.push_back({std::move(corrected[i]),
+                      program::path_segment(rewritten_.path, block, next_block), original_block,
+                      rewritten_sampling(corrections.view(i))});
+    tools_.back().corrected.points.clear();
+    tools_.back().sampling.before = last_state_;
+    divide(tools_.back(), block, ranges_[i]);
+    original_block = next_original_block;
+    block = next_block;
+  }
+}
+
+/// Divides the program of a tool. It is sampled here only to find where each window begins.
+/// @param first_block  its number in the whole rewritten program
+void RewrittenWindows::divide(ToolProgram& tool, std::size_t first_block,
+                              const WindowRange& range) {
+  program::SampleWindow blocks;
+  for (std::size_t i = range.first; i < range.last; ++i) {
+    stop_if_interrupted();
+    Window& window = windows_[i];
+    blocks.last =
+        i + 1 == range.last
+            ? tool.path.blocks.size()
+            : find_rewritten_block(rewritten_, tool.first_original_block + window.blocks.last,
+                                   first_block + blocks.first) -
+                  first_block;
+    window.blocks = blocks;
+    const program::Samples samples =
+        program::sample(program::path_of(tool.path, blocks),
+                        corrections_.view(window.segment).machine.control, sampling(i));
+    if (samples.states.empty()) continue;
+    last_state_ = samples.states.back();
+    window.start_s = samples.states.front().time_s;
+    window.end_s = last_state_.time_s;
+    // The next window begins with the block of the last sample; blocks without samples follow it.
+    const std::size_t skipped = blocks.continued_from ? 1 : 0;
+    window.blocks.last = blocks.first - skipped + std::size_t(samples.block.back()) + 1;
+    blocks = {window.blocks.last, 0, program::SamplingState{last_state_, samples.moved}};
+  }
+}
+
+program::SampleOptions RewrittenWindows::sampling(std::size_t number) const {
+  program::SampleOptions options = tools_[windows_[number].segment].sampling;
+  options.continued_from = windows_[number].blocks.continued_from;
+  return options;
+}
+
+Commands RewrittenWindows::commands(std::size_t number) const {
+  const Window& window = windows_[number];
+  const ToolProgram& tool = tools_[window.segment];
+  Commands result = rewritten_commands(
+      corrections_.view(window.segment), program::path_of(tool.path, window.blocks),
+      sampling(number), tool.corrected, rewritten_.line_origins, tool.first_original_block);
+  // Counted once for the tool, in its first window.
+  if (number > ranges_[window.segment].first) result.not_converged = 0;
+  return result;
+}
+
+Cut cut_in_windows(const Job& job, const CaseDescription& compensator, const Progress& progress) {
+  const WindowedCorrections corrections(job, compensator, progress);
+  Cut result;
+  if (channel_of(job.scene, compensator) == CaseDescription::Channel::Program) {
+    if (progress) progress("correct", 0.0);
+    const RewrittenWindows program(job, corrections);
+    result = cut_in_windows(
+        job,
+        {[&](const Segment&, std::size_t number) { return program.commands(number); },
+         program.rewritten().path, program.windows()},
+        progress);
+    result.rewritten_program = program.rewritten().text;
+  } else {
+    result = cut_in_windows(job,
+                            {[&](const Segment& window, std::size_t number) {
+                               return corrections.ideal_commands(window, number);
+                             },
+                             job.path, job.windows->all},
+                            progress);
+  }
   result.name = result.case_name = compensator.name;
   return result;
 }
@@ -371,8 +531,13 @@ std::string find_windows_obstacle(const Scene& scene,
   if (scene.compliance && scene.compliance->inertia) return "compliance.inertia";
   if (!compensator) return {};
   if (!compensator->plug_in.empty() || compensator->function) return "a user compensator";
-  // A channel depends on neighbouring samples.
-  if (compensator->channel != CaseDescription::Channel::Ideal) return "a channel other than ideal";
+  const auto* file = std::get_if<ProgramDescription::File>(&scene.program.source);
+  if (compensator->channel == CaseDescription::Channel::Program && file && is_pvt(*file))
+    return "the channel program of a PVT table";  // its rows are thinned together
+  // The other channels depend on neighbouring samples.
+  if (compensator->channel != CaseDescription::Channel::Ideal &&
+      compensator->channel != CaseDescription::Channel::Program)
+    return "a channel other than ideal and program";
   const bool is_static =
       compensator->belief == Belief::Perfect || compensator->belief == Belief::Identified;
   return is_static ? "" : "a belief that learns from the program";

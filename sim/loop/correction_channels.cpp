@@ -44,13 +44,24 @@ AxisVector programmed_position(const ControlView& view, const program::Block& bl
   return programmed;
 }
 
+/// Returns true if a range of a program begins with the last block of the range before.
+bool is_continued(const ControlView& range) { return range.sampling.continued_from.has_value(); }
+
 /// Returns the corrected commands as points of their blocks. A block starts at the end of the
 /// previous one. An axis that reverses has one point before and one after the reversal.
+/// @param previous_end  corrected axes at the end of the last motion of the range before; none
+///     without a motion before
 program::CorrectedPath dense_points(const ControlView& view, const std::vector<AxisState>& states,
-                                    const Eigen::Vector3d& offset_w) {
+                                    const Eigen::Vector3d& offset_w,
+                                    std::optional<AxisVector> previous_end) {
   program::CorrectedPath points(view.path.blocks.size());
-  std::optional<AxisVector> previous_end;  // position at the end of the previous block
-  for (std::size_t i = 0; i < states.size(); ++i) {
+  const std::size_t first = is_continued(view) ? 1 : 0;
+  if (first == 1 && previous_end) {
+    const AxisVector end =
+        programmed_position(view, view.path.blocks.front(), *previous_end, offset_w);
+    points.front() = {{0.0, end, {}, {}}, {1.0, end, {}, {}}};
+  }
+  for (std::size_t i = first; i < states.size(); ++i) {
     const int index = view.samples.block[i];
     const program::Block& block = view.path.blocks[std::size_t(index)];
     if (block.interpolation == program::Interpolation::Dwell) continue;
@@ -71,9 +82,36 @@ program::CorrectedPath dense_points(const ControlView& view, const std::vector<A
   return points;
 }
 
-/// Returns the thinning options. The levers are the largest displacements of tip and tool axis
-/// along the program, per mm or rad of each axis.
-program::ThinOptions thin_options(const ControlView& view, const std::vector<AxisState>& states) {
+/// Returns the corrected axes at the end of the last motion of a range.
+/// @param before  the same of the range before
+std::optional<AxisVector> end_of_motion(const ControlView& view,
+                                        const std::vector<AxisState>& states,
+                                        const std::optional<AxisVector>& before) {
+  for (std::size_t i = states.size(); i > (is_continued(view) ? 1u : 0u); --i)
+    if (view.path.blocks[std::size_t(view.samples.block[i - 1])].interpolation !=
+        program::Interpolation::Dwell)
+      return states[i - 1].q;
+  return before;
+}
+
+/// Returns (axes) the largest displacements of the tip along a range of a program, per mm or rad of
+/// each axis.
+AxisVector tip_displacements(const kinematics::Chain& control,
+                             const std::vector<AxisState>& states) {
+  AxisVector lever = AxisVector::Zero(control.size());
+  for (const AxisState& state : states) {
+    const kinematics::AxisJacobian J = kinematics::axis_jacobian(control, state.q);
+    for (int j = 0; j < control.size(); ++j)
+      lever[j] = std::max(lever[j], J.col(j).head<3>().norm());
+  }
+  return lever;
+}
+
+/// Returns the thinning options of a program. The levers are the largest displacements of tip and
+/// tool axis along it, per mm or rad of each axis.
+/// @param view        of any range of the program
+/// @param tip_displacements  (axes) of the whole program, as by the function
+program::ThinOptions thin_options(const ControlView& view, const AxisVector& tip_displacements) {
   program::ThinOptions options;
   options.word_mm = view.compensation.word_resolution;
   options.tolerance = path_tolerance(view.compensation, view.path);
@@ -81,12 +119,8 @@ program::ThinOptions thin_options(const ControlView& view, const std::vector<Axi
   const kinematics::Chain& control = view.machine.control;
   AxisVector& tip_lever = options.lever[std::size_t(program::Coordinates::Tip)];
   AxisVector& axis_lever = options.lever[std::size_t(program::Coordinates::Axis)];
-  tip_lever = axis_lever = AxisVector::Zero(control.size());
-  for (const AxisState& state : states) {
-    const kinematics::AxisJacobian J = kinematics::axis_jacobian(control, state.q);
-    for (int j = 0; j < control.size(); ++j)
-      axis_lever[j] = std::max(axis_lever[j], J.col(j).head<3>().norm());
-  }
+  axis_lever = tip_displacements;
+  tip_lever = AxisVector::Zero(control.size());
   for (int j = 0; j < control.size(); ++j) {
     if (control.joints()[std::size_t(j)].motion != kinematics::Motion::Rotary) continue;
     if (j == view.machine.workpiece_spindle) {
@@ -99,10 +133,12 @@ program::ThinOptions thin_options(const ControlView& view, const std::vector<Axi
   return options;
 }
 
-/// Returns the nominal poses at the samples of a part of a rewritten program, on the segment of the
-/// original part that corresponds to the line. A workpiece spindle keeps its sampled angle, since
-/// the times of the two programs differ slightly.
-/// @param first_block  number of the first block of the original part in its program
+/// Returns the nominal poses at the samples of a range of a rewritten program, on the original
+/// block that corresponds to the line. A workpiece spindle keeps its sampled angle, since the times
+/// of the two programs differ slightly.
+/// @param view         with the original program of the tool
+/// @param path         of the range
+/// @param first_block  number of the first block of that original program in the whole program
 std::vector<Pose> rewritten_target_poses(const ControlView& view, const program::Path& path,
                                          const program::Samples& samples,
                                          const std::vector<program::LineOrigin>& line_origins,
@@ -110,58 +146,18 @@ std::vector<Pose> rewritten_target_poses(const ControlView& view, const program:
   std::vector<Pose> target_poses(samples.states.size());
   tbb::parallel_for(std::size_t(0), target_poses.size(), [&](std::size_t i) {
     const program::Block& block = path.blocks[std::size_t(samples.block[i])];
-    const program::LineOrigin& segment = line_origins.at(std::size_t(block.line) - 1);
+    const program::LineOrigin& origin = line_origins.at(std::size_t(block.line) - 1);
     const double duration = block.end_s - block.start_s;
     const double fraction =
         duration > 0.0 ? (samples.states[i].time_s - block.start_s) / duration : 1.0;
     AxisVector q = nominal_axes(view.machine, view.path,
-                                view.path.blocks.at(std::size_t(segment.block) - first_block),
-                                segment.from + fraction * (segment.to - segment.from));
+                                view.path.blocks.at(std::size_t(origin.block) - first_block),
+                                origin.from + fraction * (origin.to - origin.from));
     if (const auto spindle = view.machine.workpiece_spindle)
       q[*spindle] = samples.states[i].q[*spindle];
     target_poses[i] = view.machine.nominal.tool_in_workpiece(q);
   });
   return target_poses;
-}
-
-/// Returns the number of the first block of a rewritten program that comes from an original block
-/// or from a later one.
-std::size_t first_rewritten_block(const program::Path& path,
-                                  const std::vector<program::LineOrigin>& line_origins,
-                                  std::size_t original_block) {
-  const auto comes_later = [&](const program::Block& block) {
-    return line_origins.at(std::size_t(block.line) - 1).block >= std::ptrdiff_t(original_block);
-  };
-  return std::size_t(std::ranges::find_if(path.blocks, comes_later) - path.blocks.begin());
-}
-
-/// Returns the commands of a part of a rewritten program.
-/// @param path         of the part
-/// @param last_state   of the part before, for directions of approach; none for the first part
-/// @param first_block  number of the first block of the original part in its program
-Commands rewritten_commands(const ControlView& view, program::Path path,
-                            const CorrectedProgram& corrected,
-                            const std::optional<AxisState>& last_state,
-                            const std::vector<program::LineOrigin>& line_origins,
-                            std::size_t first_block) {
-  const kinematics::Chain& control = view.machine.control;
-  // A corrector with jumps would give a program of unlimited length. The limit of 20 times the
-  // original samples stops it before the memory is exhausted.
-  program::SampleOptions options = view.sampling;
-  options.max_samples = std::max<std::size_t>(1'000'000, 20 * view.samples.states.size());
-  if (last_state) options.before = *last_state;
-  Commands result;
-  result.path = std::move(path);
-  result.samples = program::sample(*result.path, control, options);
-  result.samples.states =
-      commanded(control, *result.path, result.samples, control, corrected.measured_w);
-  result.T_wt_nominal =
-      rewritten_target_poses(view, *result.path, result.samples, line_origins, first_block);
-  result.remaining_point_error = corrected.ideal.remaining_point_error;
-  result.remaining_direction_error = corrected.ideal.remaining_direction_error;
-  result.not_converged = corrected.ideal.not_converged;
-  result.warnings = corrected.warnings;
-  return result;
 }
 
 }  // namespace
@@ -189,50 +185,115 @@ AxisVector nominal_axes(const Machine& machine, const program::Path& path,
 
 // The path is corrected with the shift that the corrector expects. It is run with the shift that
 // the control measures.
-CorrectedProgram correct_program(const ControlView& view, const Corrector& corrector,
+CorrectedProgram correct_program(const RangeVisitor& visit_ranges, const Corrector& corrector,
                                  const Eigen::Vector3d& expected_w,
                                  const Eigen::Vector3d& measured_w) {
-  const std::vector<AxisState> uncorrected =
-      commanded(view.machine.control, view.path, view.samples, view.machine.nominal, expected_w);
-  CorrectedCommands ideal = corrector(uncorrected, view.T_wt_nominal);
-  program::CorrectedPath points =
-      program::thin_out(view.path, dense_points(view, ideal.states, expected_w), view.control,
-                        thin_options(view, uncorrected));
-  return {std::move(points), std::move(ideal), measured_w, {}};
+  const auto uncorrected = [&](const ControlView& range) {
+    return commanded(range.machine.control, range.path, range.samples, range.machine.nominal,
+                     expected_w);
+  };
+  AxisVector lever;
+  visit_ranges([&](const ControlView& range) {
+    const AxisVector of_range = tip_displacements(range.machine.control, uncorrected(range));
+    lever = lever.size() == 0 ? of_range : AxisVector(lever.cwiseMax(of_range));
+  });
+  CorrectedProgram result{{}, {}, measured_w, {}};
+  std::optional<AxisVector> end;  // of the last motion so far
+  visit_ranges([&](const ControlView& range) {
+    CorrectedCommands ideal = corrector(uncorrected(range), range.T_wt_nominal);
+    program::CorrectedPath points =
+        program::thin_out(range.path, dense_points(range, ideal.states, expected_w, end),
+                          range.control, thin_options(range, lever));
+    result.points.insert(result.points.end(), points.begin() + (is_continued(range) ? 1 : 0),
+                         points.end());
+    end = end_of_motion(range, ideal.states, end);
+    CorrectedCommands& all = result.ideal;
+    all.remaining_point_error = std::max(all.remaining_point_error, ideal.remaining_point_error);
+    all.remaining_direction_error =
+        std::max(all.remaining_direction_error, ideal.remaining_direction_error);
+    all.not_converged += ideal.not_converged;
+    // States of several ranges would need the memory of the whole program.
+    all.states = is_continued(range) ? std::vector<AxisState>() : std::move(ideal.states);
+  });
+  return result;
 }
 
-Commands run_corrected_program(std::span<const ControlView> parts,
-                               std::span<const CorrectedProgram> corrected,
-                               const program::Path& path, const program::NcOptions& control) {
+RewrittenPath rewrite(std::span<const CorrectedProgram> corrected,
+                      const CompensationDescription& compensation, const program::Path& path,
+                      const program::NcOptions& control) {
   program::CorrectedPath points;
-  for (const CorrectedProgram& part : corrected)
-    points.insert(points.end(), part.points.begin(), part.points.end());
-  const CompensationDescription& compensation = parts.front().compensation;
+  for (const CorrectedProgram& tool : corrected)
+    points.insert(points.end(), tool.points.begin(), tool.points.end());
   program::RewrittenProgram rewritten = program::rewrite_program(
       path, points, control, {compensation.word_resolution, compensation.angle_resolution});
   program::Path whole = is_pvt(path) ? program::read_pvt(rewritten.text, "rewritten.csv", control)
                                      : program::read_nc(rewritten.text, "rewritten.ngc", control);
-  std::vector<Commands> part_commands;
-  std::optional<AxisState> last_state;
+  return {std::move(whole), std::move(rewritten.line_origins), std::move(rewritten.text)};
+}
+
+std::size_t find_rewritten_block(const RewrittenPath& rewritten, std::size_t original_block,
+                                 std::size_t from) {
+  const auto comes_later = [&](const program::Block& block) {
+    return rewritten.line_origins.at(std::size_t(block.line) - 1).block >=
+           std::ptrdiff_t(original_block);
+  };
+  const auto& blocks = rewritten.path.blocks;
+  return std::size_t(
+      std::find_if(blocks.begin() + std::ptrdiff_t(from), blocks.end(), comes_later) -
+      blocks.begin());
+}
+
+program::SampleOptions rewritten_sampling(const ControlView& view) {
+  program::SampleOptions options = view.sampling;
+  options.continued_from.reset();
+  // A corrector with jumps would give a program of unlimited length. The limit of 20 times the
+  // original samples stops it before the memory is exhausted.
+  options.max_samples = std::max<std::size_t>(1'000'000, 20 * view.samples.states.size());
+  return options;
+}
+
+Commands rewritten_commands(const ControlView& view, program::Path path,
+                            const program::SampleOptions& sampling,
+                            const CorrectedProgram& corrected,
+                            const std::vector<program::LineOrigin>& line_origins,
+                            std::size_t first_block) {
+  const kinematics::Chain& control = view.machine.control;
+  Commands result;
+  result.path = std::move(path);
+  result.samples = program::sample(*result.path, control, sampling);
+  result.samples.states =
+      commanded(control, *result.path, result.samples, control, corrected.measured_w);
+  result.T_wt_nominal =
+      rewritten_target_poses(view, *result.path, result.samples, line_origins, first_block);
+  result.remaining_point_error = corrected.ideal.remaining_point_error;
+  result.remaining_direction_error = corrected.ideal.remaining_direction_error;
+  result.not_converged = corrected.ideal.not_converged;
+  result.warnings = corrected.warnings;
+  return result;
+}
+
+Commands run_corrected_program(std::span<const ControlView> tools,
+                               std::span<const CorrectedProgram> corrected,
+                               const program::Path& path, const program::NcOptions& control) {
+  RewrittenPath rewritten = rewrite(corrected, tools.front().compensation, path, control);
+  std::vector<Commands> commands;
+  AxisState last_state;  // of the tools so far, for directions of approach
   std::size_t original_block = 0, block = 0;
-  for (std::size_t i = 0; i < parts.size(); ++i) {
-    const std::size_t next_original_block = original_block + parts[i].path.blocks.size();
-    const std::size_t next_block =
-        i + 1 < parts.size()
-            ? first_rewritten_block(whole, rewritten.line_origins, next_original_block)
-            : whole.blocks.size();
-    // The program of a single tool has everything that a segment would lose, such as its comments.
-    program::Path part_path =
-        parts.size() == 1 ? whole : program::path_segment(whole, block, next_block);
-    part_commands.push_back(rewritten_commands(parts[i], std::move(part_path), corrected[i],
-                                               last_state, rewritten.line_origins, original_block));
-    const auto& states = part_commands.back().samples.states;
+  for (std::size_t i = 0; i < tools.size(); ++i) {
+    const std::size_t next_original_block = original_block + tools[i].path.blocks.size();
+    const std::size_t next_block = find_rewritten_block(rewritten, next_original_block, block);
+    program::SampleOptions sampling = rewritten_sampling(tools[i]);
+    sampling.before = last_state;
+    commands.push_back(
+        rewritten_commands(tools[i], program::path_segment(rewritten.path, block, next_block),
+                           sampling, corrected[i], rewritten.line_origins, original_block));
+    const std::vector<AxisState>& states = commands.back().samples.states;
     if (!states.empty()) last_state = states.back();
     original_block = next_original_block;
     block = next_block;
   }
-  Commands result = joined(std::move(part_commands));
-  result.path = std::move(whole);
+  Commands result = joined(std::move(commands));
+  result.path = std::move(rewritten.path);
   result.rewritten_program = std::move(rewritten.text);
   return result;
 }

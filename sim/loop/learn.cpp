@@ -57,17 +57,27 @@ bool knows_absolute_pose(const CaseDescription& compensator) {
          compensator.channel != Channel::Table;
 }
 
-CorrectedProgram correct_program(const ControlView& view, const MachineAccess& machine_access,
-                                 const CaseDescription& compensator,
-                                 const LearnedCorrection& case_correction) {
+/// Corrects the program of a tool.
+/// @param view  of the tool
+CorrectedProgram correct_ranges(const RangeVisitor& visit_ranges, const ControlView& view,
+                                const MachineAccess& machine_access,
+                                const CaseDescription& compensator,
+                                const LearnedCorrection& case_correction) {
   const Corrector& corrector = case_correction.corrector;
   const Corrector& at_datum = case_correction.at_datum ? case_correction.at_datum : corrector;
   const Eigen::Vector3d measured_w = machine_access.touch_off({});
-  return correct_program(view, corrector,
-                         knows_absolute_pose(compensator)
-                             ? measured_w
-                             : expected_offset(view.datum, view.machine, at_datum),
-                         measured_w);
+  CorrectedProgram result = correct_program(
+      visit_ranges, corrector,
+      knows_absolute_pose(compensator) ? measured_w
+                                       : expected_offset(view.datum, view.machine, at_datum),
+      measured_w);
+  result.warnings = case_correction.warnings;
+  return result;
+}
+
+/// Returns the visitor of a program in one range.
+RangeVisitor single_range(const ControlView& view) {
+  return [&view](const auto& use) { use(view); };
 }
 
 /// Applies a correction through the channel of the case and returns the commands.
@@ -86,7 +96,7 @@ Commands deliver_correction(const ControlView& view, const MachineAccess& machin
   Commands result;
   if (compensator.channel == Channel::Program) {
     const CorrectedProgram corrected =
-        correct_program(view, machine_access, compensator, case_correction);
+        correct_ranges(single_range(view), view, machine_access, compensator, case_correction);
     result = run_corrected_program({&view, 1}, {&corrected, 1}, view.path, view.control);
   } else {
     const CorrectionTargets targets =
@@ -346,13 +356,20 @@ Commands compensated_commands(const ControlView& view, const MachineAccess& mach
 
 CorrectedProgram corrected_program(const ControlView& view, const MachineAccess& machine_access,
                                    const CaseDescription& description, const Progress& progress) {
+  const LearnedCorrection correction = with_input_errors(view, description, [&] {
+    return learn_correction(view, machine_access, description, progress);
+  });
+  if (progress) progress("correct", 0.0);
+  return corrected_program(single_range(view), view, machine_access, description, correction);
+}
+
+CorrectedProgram corrected_program(const RangeVisitor& visit_ranges, const ControlView& view,
+                                   const MachineAccess& machine_access,
+                                   const CaseDescription& description,
+                                   const LearnedCorrection& case_correction) {
   return with_input_errors(view, description, [&] {
-    LearnedCorrection correction = learn_correction(view, machine_access, description, progress);
-    if (progress) progress("correct", 0.0);
-    CorrectedProgram result =
-        correct_program(view, machine_access, with_plug_in_settings(view, description), correction);
-    result.warnings = std::move(correction.warnings);
-    return result;
+    return correct_ranges(visit_ranges, view, machine_access,
+                          with_plug_in_settings(view, description), case_correction);
   });
 }
 

@@ -35,6 +35,13 @@ Commands compensated_commands(const ControlView& view, const MachineAccess& mach
 CorrectedProgram corrected_program(const ControlView& view, const MachineAccess& machine_access,
                                    const CaseDescription& compensator,
                                    const Progress& progress = {});
+/// Returns the same with a given correction, for a program in ranges.
+/// @param view  of the tool
+/// @throws BadInput if the correction does not cover the program
+CorrectedProgram corrected_program(const RangeVisitor& visit_ranges, const ControlView& view,
+                                   const MachineAccess& machine_access,
+                                   const CaseDescription& compensator,
+                                   const LearnedCorrection& correction);
 
 /// Returns the commands of a case with a given correction.
 /// @throws BadInput if the correction does not cover the program

@@ -108,16 +108,15 @@ void check_file(TableReader& reader, File& program) {
   } else if (!std::filesystem::is_regular_file(file, error_code)) {
     reader.report_invalid("file", "a file that can be read", missing_file_text(file));
   }
-  const bool is_pvt =
-      program.dialect != Dialect::Cl && (extension == ".csv" || extension == ".pvt");
+  const bool has_times = is_pvt(program);
   // A PVT table lists axis positions, so it has no tool vectors to which a pole rule would apply.
-  if (is_pvt && program.pole.rule != PoleRule::AsProgrammed)
+  if (has_times && program.pole.rule != PoleRule::AsProgrammed)
     reader.report_invalid("pole", "no pole with a table of times, which has no vectors", "one");
-  if (is_pvt && !program.startup_code.empty())
+  if (has_times && !program.startup_code.empty())
     reader.report_invalid("startup_code", "none with a table of times", program.startup_code);
   if (program.interpreter != Interpreter::LinuxCnc) return;
   // The interpreter of LinuxCNC reads no other dialect.
-  if (is_pvt || (program.dialect != Dialect::Auto && program.dialect != Dialect::LinuxCnc))
+  if (has_times || (program.dialect != Dialect::Auto && program.dialect != Dialect::LinuxCnc))
     reader.report_invalid("interpreter", "\"abbe\" with a program that is not LinuxCNC",
                           "\"linuxcnc\"");
 }
@@ -397,6 +396,11 @@ const Fields<ProgramDescription>& program_fields() {
 }
 
 }  // namespace
+
+bool is_pvt(const ProgramFile& program) {
+  const std::string extension = program.file.extension().string();
+  return program.dialect != Dialect::Cl && (extension == ".csv" || extension == ".pvt");
+}
 
 void check_offset_axes(dialects::ControlTable& offsets, const Joints& joints,
                        InputErrors& input_errors) {

@@ -20,8 +20,7 @@ namespace abbe::sim {
 
 /// A program stored in a file.
 struct ProgramFile {
-  std::filesystem::path file;  ///< a PVT table if it ends in .csv or .pvt and `dialect` is not Cl;
-                               ///< else a machining program
+  std::filesystem::path file;
   dialects::Dialect dialect = dialects::Dialect::Auto;
   dialects::UnknownWordPolicy on_unknown = dialects::UnknownWordPolicy::Refuse;
   program::BlockSkip block_skip = program::BlockSkip().set();
@@ -35,6 +34,10 @@ struct ProgramFile {
   double pole_warning = 2.0 * units::deg;  ///< rad, distance from a pole below which there is a
                                            ///< warning; 0: never
 };
+
+/// Returns true for a table of positions, velocities and times: a file that ends in .csv or .pvt,
+/// in another dialect than Cl.
+bool is_pvt(const ProgramFile& program);
 
 /// A tool table or work offsets of the control, read from a file.
 struct ControlTableFile {

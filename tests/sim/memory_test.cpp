@@ -4,6 +4,7 @@
 #include "sim/cut/run_estimate.h"
 #include "sim/cut/scene_checks.h"
 #include "sim/cut/sweep.h"
+#include "sim/loop/correction_channels.h"
 #include "sim/scene/cases.h"
 #include "tests/safety/program_run.h"
 #include "tests/sim/scene_folder.h"
@@ -162,9 +163,10 @@ TEST(Memory, WhatCannotBeCutInWindowsIsRefusedWithTheReason) {
   const auto saved = safety::run("run " + dome + " --save track" + words);
   EXPECT_EQ(saved.code, 3);
   EXPECT_HAS(saved.text, "it cannot be run in windows with the track of the tool");
-  const auto channel = safety::run("run " + dome + " --case perfect-iterated-program" + words);
+  const auto channel = safety::run("run " + dome + " --case perfect-iterated-open" + words);
   EXPECT_EQ(channel.code, 3);
-  EXPECT_HAS(channel.text, "it cannot be run in windows with a channel other than ideal");
+  EXPECT_HAS(channel.text,
+             "it cannot be run in windows with a channel other than ideal and program");
 }
 
 TEST(Memory, GrowsWithAllThatIsAsked) {
@@ -303,10 +305,16 @@ TEST(Windows, GiveEveryCaseOfAnyChoiceOfPlacesToTheBit) {
     same_cuts(cut_error_free(job), cut_error_free(windowed));
     same_cuts(cut(job), cut(windowed));
     EXPECT_EQ(cut(job).warnings, cut(windowed).warnings);
-    for (const char* name : {"perfect-position-ideal", "perfect-iterated-ideal"}) {
+    for (const char* name : {"perfect-position-ideal", "perfect-iterated-ideal",
+                             "perfect-iterated-program", "perfect-decoupled-program"}) {
       SCOPED_TRACE(name);
       const CaseDescription compensator = parse_case(name);
-      same_cuts(cut(job, compensator), cut(windowed, compensator));
+      const bool rewrites = compensator.channel == CaseDescription::Channel::Program;
+      if (rewrites && job.scene.part.sampling.kind != PartSampling::Kind::Vertices) continue;
+      const Cut whole = cut(job, compensator), of_windows = cut(windowed, compensator);
+      same_cuts(whole, of_windows);
+      EXPECT_EQ(whole.rewritten_program, of_windows.rewritten_program);
+      EXPECT_EQ(!whole.rewritten_program.empty(), rewrites);
     }
   }
 }
@@ -379,7 +387,7 @@ TEST(Windows, GiveSeveralToolsForcesAndHeatToTheBit) {
   ASSERT_TRUE(job.truth.heat && windowed.truth.heat);
   EXPECT_EQ(job.truth.heat->run.T_C, windowed.truth.heat->run.T_C);
   same_cuts(cut_error_free(job), cut_error_free(windowed));
-  for (const char* name : {"", "perfect-iterated-ideal"}) {
+  for (const char* name : {"", "perfect-iterated-ideal", "perfect-iterated-program"}) {
     SCOPED_TRACE(name);
     const auto compensator =
         *name ? std::optional(parse_case(name)) : std::optional<CaseDescription>();
@@ -391,11 +399,111 @@ TEST(Windows, GiveSeveralToolsForcesAndHeatToTheBit) {
     EXPECT_GT(a.signals.rows.rows(), 100);
     EXPECT_EQ(a.signals.rows, b.signals.rows);
     EXPECT_EQ(a.warnings, b.warnings);
+    EXPECT_EQ(a.rewritten_program, b.rewritten_program);
   }
   const Sweep one = error_free_sweep(job, surface_options(job, {})),
               many = error_free_sweep(windowed, surface_options(windowed, {}));
   const cutting::Surface surface = one.surface(job.design_w);
   same_contacts(one.contacts(job.design_w, surface), many.contacts(job.design_w, surface));
+}
+
+// A program of random short blocks, a third of which dwell.
+std::string dwelling_program(std::mt19937_64& random) {
+  std::uniform_real_distribution<double> place(-20.0, 20.0), turn(-30.0, 30.0);
+  std::string text = "G21 G90 G17 G94 S3000 M3 F2000\n";
+  double x = 0.0, y = 0.0;
+  for (int i = 0; i < 300; ++i) {
+    if (random() % 3 == 0) {
+      text += "G4 P0.7\n";
+      continue;
+    }
+    const double from_x = x, from_y = y;
+    x = place(random), y = place(random);
+    switch (random() % 4) {
+      case 0:
+        text += fmt::format("G0 X{:.4f} Y{:.4f} Z{:.4f}\n", x, y, 150.0 + place(random));
+        break;
+      case 1:
+        text += fmt::format("G2 X{:.4f} Y{:.4f} I{:.5f} J{:.5f}\n", x, y, 0.5 * (x - from_x),
+                            0.5 * (y - from_y));
+        break;
+      default:
+        text += fmt::format("G1 X{:.4f} Y{:.4f} Z{:.4f} A{:.4f} C{:.4f}\n", x, y,
+                            150.0 + place(random), turn(random), turn(random));
+    }
+  }
+  return text + "M30\n";
+}
+
+/// Windows of one to three blocks.
+Windows random_windows(const Job& job, std::mt19937_64& random) {
+  Windows windows;
+  program::SampleWindow blocks;
+  const std::size_t count = job.path.blocks.size();
+  while (blocks.first < count) {
+    blocks.last = std::min(count, blocks.first + 1 + random() % 3);
+    windows.all.push_back({0, blocks});
+    program::SampleOptions sampling = job.sampling;
+    sampling.continued_from = blocks.continued_from;
+    const program::Samples samples =
+        program::sample(program::path_of(job.path, blocks), job.machine.nominal, sampling);
+    blocks = {blocks.last, 0, program::SamplingState{samples.states.back(), samples.moved}};
+  }
+  return windows;
+}
+
+TEST(Windows, CorrectAProgramAsTheWhole) {
+  constexpr std::uint64_t seed = 29;
+  std::mt19937_64 random(seed);
+  std::cout << "seed " << seed << "\n";
+  const SceneFolder folder;
+  folder.write("dwelling.ngc", dwelling_program(random));
+  BallRaster raster = leaning_dome("vertices = 300");
+  std::string toml = to_toml(raster);
+  toml.replace(toml.find("[program]"), toml.find("[errors]") - toml.find("[program]"),
+               "[program]\nfile = \"dwelling.ngc\"\n[sampling]\nmax_step_mm = 4.0\n"
+               "chord_tolerance_nm = 20000\n");
+  const Scene scene = read_scene(folder.write("dwelling.toml", toml));
+  const Job job = prepare(scene);
+  Job windowed = job;
+  windowed.windows = std::make_shared<const Windows>(random_windows(job, random));
+  int after_dwell = 0;
+  for (const Window& window : windowed.windows->all)
+    if (window.blocks.continued_from)
+      after_dwell +=
+          job.path.blocks[window.blocks.first - 1].interpolation == program::Interpolation::Dwell;
+  std::cout << windowed.windows->all.size() << " windows, " << after_dwell << " after a dwell\n";
+  EXPECT_GT(after_dwell, 10);
+  // A correction that drifts with time, so that it changes during a dwell.
+  const Corrector drifting = [](const auto& commanded, const auto&) {
+    CorrectedCommands result{commanded};
+    for (kinematics::AxisState& state : result.states)
+      for (Index k = 0; k < state.q.size(); ++k)
+        state.q[k] += 1e-4 * std::sin(0.3 * state.time_s + double(k) + 0.1 * state.q[k]);
+    return result;
+  };
+  const auto corrected = [&](const RangeVisitor& ranges) {
+    return correct_program(ranges, drifting, {0.01, -0.02, 0.03}, {0.011, -0.02, 0.03});
+  };
+  const CorrectedProgram whole =
+      corrected([&](const auto& use) { use(make_control_view(job, job)); });
+  const CorrectedProgram in_ranges = corrected([&](const auto& use) {
+    visit_segments(windowed,
+                   [&](const Segment& window) { use(make_control_view(windowed, window)); });
+  });
+  ASSERT_EQ(whole.points.size(), job.path.blocks.size());
+  ASSERT_EQ(whole.points.size(), in_ranges.points.size());
+  std::size_t points = 0;
+  for (std::size_t i = 0; i < whole.points.size(); ++i) {
+    ASSERT_EQ(whole.points[i].size(), in_ranges.points[i].size()) << "block " << i;
+    points += whole.points[i].size();
+    for (std::size_t k = 0; k < whole.points[i].size(); ++k) {
+      EXPECT_EQ(whole.points[i][k].u, in_ranges.points[i][k].u) << "block " << i;
+      EXPECT_EQ(whole.points[i][k].at, in_ranges.points[i][k].at) << "block " << i;
+      EXPECT_EQ(whole.points[i][k].centre, in_ranges.points[i][k].centre) << "block " << i;
+    }
+  }
+  std::cout << points << " points in " << whole.points.size() << " blocks\n";
 }
 
 TEST(Windows, AreNotTakenForTheWhole) {
