@@ -7,6 +7,7 @@
 #include <utility>
 
 #include <fmt/format.h>
+#include <tbb/task_arena.h>
 
 #include "sim/scene/machine.h"
 #include "sim/scene/scene.h"
@@ -337,10 +338,67 @@ std::vector<cutting::BodyPair> collision_pairs(
   return pairs;
 }
 
+CommandedSamples::CommandedSamples(const Segment& segment, const Commands& commands)
+    : samples_(&commands.samples),
+      path_(&path_of(segment, commands)),
+      count_(commands.samples.states.size()) {}
+
+CommandedSamples::CommandedSamples(const Job& job, std::size_t tool,
+                                   const WindowedProgram& program) {
+  const WindowRange range = window_ranges(job)[tool];
+  make_range_ = [&job, &program, first = range.first, this](std::size_t number) {
+    const Segment window = make_window(job, first + number);
+    Commands commands = program.commands(window, first + number);
+    const program::SampleWindow& blocks = program.windows[first + number].blocks;
+    return Range{std::move(commands.samples),
+                 commands.path ? *std::move(commands.path) : window.path, starts_[number],
+                 blocks.first - (blocks.continued_from ? 1 : 0)};
+  };
+  // A window begins with the last sample of the one before.
+  for (std::size_t number = 0; number < range.last - range.first; ++number) {
+    starts_.push_back(number == 0 ? 0 : count_ - 1);
+    const Range window = make_range_(number);
+    check_travel(tool_segments(job)[tool].machine, window.path, window.samples);
+    count_ = starts_.back() + window.samples.states.size();
+  }
+}
+
+CommandedSample CommandedSamples::sample_of(const program::Samples& samples,
+                                            const program::Path& path, std::size_t i,
+                                            std::size_t first_block) {
+  const program::Block& block = path.blocks[std::size_t(samples.block[i])];
+  return {samples.states[i], samples.line[i], first_block + std::size_t(samples.block[i]),
+          block.file, block.interpolation == program::Interpolation::Rapid};
+}
+
+CommandedSample CommandedSamples::operator[](std::size_t i) const {
+  if (samples_ != nullptr) return sample_of(*samples_, *path_, i, 0);
+  const std::shared_ptr<const Range> range = range_with(i);
+  return sample_of(range->samples, range->path, i - range->first, range->first_block);
+}
+
+std::shared_ptr<const CommandedSamples::Range> CommandedSamples::range_with(
+    std::size_t sample) const {
+  constexpr std::size_t max_kept = 3;  // one for each of two threads, and one between two windows
+  const auto window = std::size_t(std::ranges::upper_bound(starts_, sample) - starts_.begin()) - 1;
+  const std::lock_guard lock(mutex_);
+  const auto match = std::ranges::find(kept_, window, [](const auto& kept) { return kept.first; });
+  if (match != kept_.end()) {
+    std::rotate(match, match + 1, kept_.end());
+  } else {
+    if (kept_.size() == max_kept) kept_.erase(kept_.begin());
+    // Isolated, since a task of the caller that this thread took up meanwhile would wait for its
+    // own lock.
+    tbb::this_task_arena::isolate(
+        [&] { kept_.emplace_back(window, std::make_shared<const Range>(make_range_(window))); });
+  }
+  return kept_.back().second;
+}
+
 kinematics::AxisState ActualMotion::state(const cutting::Moment& moment) const {
-  kinematics::AxisState state = samples.states[moment.instant];
-  if (moment.u > 0.0 && moment.instant + 1 < samples.states.size()) {
-    const kinematics::AxisState& next = samples.states[moment.instant + 1];
+  kinematics::AxisState state = samples[moment.instant].state;
+  if (moment.u > 0.0 && moment.instant + 1 < samples.size()) {
+    const kinematics::AxisState next = samples[moment.instant + 1].state;
     const kinematics::AxisState previous = state;
     // A sample holds the directions and the spindle speed of the move that ends at it.
     state = next;
@@ -357,17 +415,16 @@ std::vector<kinematics::Pose> ActualMotion::carriers(const cutting::Moment& mome
 }
 
 std::size_t ActualMotion::target_sample(const cutting::Moment& moment) const {
-  return std::min(moment.instant + (moment.u > 0.0 ? 1u : 0u), samples.states.size() - 1);
+  return std::min(moment.instant + (moment.u > 0.0 ? 1u : 0u), samples.size() - 1);
 }
 
 ProgramLocation ActualMotion::place(const cutting::Moment& moment) const {
-  const std::size_t i = target_sample(moment);
-  return {samples.line[i], path.blocks[std::size_t(samples.block[i])].file, state(moment).time_s};
+  const CommandedSample target = samples[target_sample(moment)];
+  return {target.line, target.file, state(moment).time_s};
 }
 
 bool ActualMotion::is_rapid(const cutting::Moment& moment) const {
-  const auto block = std::size_t(samples.block[target_sample(moment)]);
-  return path.blocks[block].interpolation == program::Interpolation::Rapid;
+  return samples[target_sample(moment)].is_rapid;
 }
 
 Collision collision_at(const ActualMotion& actual_motion, const cutting::Moment& moment,

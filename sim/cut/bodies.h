@@ -1,8 +1,13 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cutting/stock/body.h"
@@ -92,13 +97,53 @@ std::vector<cutting::BodyPair> collision_pairs(
     const kinematics::Chain& chain, const std::vector<SolidBody>& bodies,
     const std::vector<CollisionDescription::Pair>& ignored);
 
+/// A commanded sample of a tool.
+struct CommandedSample {
+  kinematics::AxisState state;
+  int line = 0;
+  std::size_t block = 0;   ///< number that tells the blocks of the tool apart
+  std::uint16_t file = 0;  ///< as in `Block::file`
+  bool is_rapid = false;
+};
+
+/// The commanded samples of one tool: held, or made again window by window, of which the last few
+/// are kept. Refers to its arguments. Thread-safe.
+class CommandedSamples {
+ public:
+  CommandedSamples(const Segment& segment, const Commands& commands);
+  /// @param tool  index in `tool_segments` of a job in windows
+  /// @throws BadInput if a commanded axis leaves its travel
+  CommandedSamples(const Job& job, std::size_t tool, const WindowedProgram& program);
+
+  std::size_t size() const { return count_; }
+  CommandedSample operator[](std::size_t i) const;
+
+ private:
+  struct Range {
+    program::Samples samples;
+    program::Path path;
+    std::size_t first = 0;        // number of its first sample
+    std::size_t first_block = 0;  // number of the first block of its path
+  };
+  static CommandedSample sample_of(const program::Samples& samples, const program::Path& path,
+                                   std::size_t i, std::size_t first_block);
+  std::shared_ptr<const Range> range_with(std::size_t sample) const;
+
+  const program::Samples* samples_ = nullptr;  // held
+  const program::Path* path_ = nullptr;
+  std::size_t count_ = 0;
+  std::function<Range(std::size_t window)> make_range_;
+  std::vector<std::size_t> starts_;  // (windows) number of the first sample of each
+  mutable std::mutex mutex_;
+  mutable std::vector<std::pair<std::size_t, std::shared_ptr<const Range>>>
+      kept_;  // windows, the latest last
+};
+
 /// The motion of a segment under its commands on the machine with errors. Holds references to
 /// its arguments.
 struct ActualMotion {
   const Segment& segment;
-  const Commands& commands;
-  const program::Samples& samples = commands.samples;
-  const program::Path& path = path_of(segment, commands);
+  const CommandedSamples& samples;
 
   /// Returns the axis state at a moment. Axes and time are interpolated linearly between samples;
   /// directions are those of the motion to the next sample. A workpiece spindle is at 0.

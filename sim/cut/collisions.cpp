@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <optional>
 #include <string_view>
@@ -55,8 +56,8 @@ double reach(const ActualMotion& actual_motion, const std::vector<SolidBody>& bo
   for (int k = 0; k < chain.size(); ++k) {
     if (chain.joints()[std::size_t(k)].motion != Motion::Linear) continue;
     double max_position = 0.0;
-    for (const AxisState& state : actual_motion.samples.states)
-      max_position = std::max(max_position, std::abs(state.q[k]));
+    for (std::size_t i = 0; i < actual_motion.samples.size(); ++i)
+      max_position = std::max(max_position, std::abs(actual_motion.samples[i].state.q[k]));
     slide_travel += max_position;
   }
   return radius + slide_travel;
@@ -68,7 +69,7 @@ double reach(const ActualMotion& actual_motion, const std::vector<SolidBody>& bo
 /// adds twice the product of both displacements.
 std::vector<double> chord_heights(const ActualMotion& actual_motion, double reach) {
   const kinematics::Chain& chain = actual_motion.segment.truth.actual;
-  std::vector<double> bulge(actual_motion.samples.states.size() - 1, 0.0);
+  std::vector<double> bulge(actual_motion.samples.size() - 1, 0.0);
   for (std::size_t i = 0; i < bulge.size(); ++i) {
     const kinematics::AxisVector step = actual_motion.state(cutting::Moment{i + 1, 0.0}).q -
                                         actual_motion.state(cutting::Moment{i, 0.0}).q;
@@ -87,14 +88,16 @@ std::vector<double> chord_heights(const ActualMotion& actual_motion, double reac
 CarrierMotion carrier_motion(const ActualMotion& actual_motion, double reach) {
   CarrierMotion motion;
   motion.carriers = Carriers{actual_motion.segment.truth.actual.size()}.count();
-  motion.instants = actual_motion.samples.states.size();
+  motion.instants = actual_motion.samples.size();
   motion.place = [&actual_motion](std::size_t i, double u, std::span<Pose> T) {
     std::ranges::copy(actual_motion.carriers({i, u}), T.begin());
   };
   motion.bulge = chord_heights(actual_motion, reach);
-  for (std::size_t i = 0; i < motion.instants; ++i)
-    if (i == 0 || actual_motion.samples.block[i] != actual_motion.samples.block[i - 1])
-      motion.segments.push_back(i);
+  std::size_t block = 0;
+  for (std::size_t i = 0; i < motion.instants; ++i) {
+    const std::size_t previous = std::exchange(block, actual_motion.samples[i].block);
+    if (i == 0 || block != previous) motion.segments.push_back(i);
+  }
   return motion;
 }
 
@@ -143,9 +146,11 @@ class SegmentSearch {
         search_(collision_search(bodies_, pairs_)),
         motion_(carrier_motion(actual_motion, reach(actual_motion, bodies_))) {}
 
+  /// @param steps   of the segment, if its stock is tracked
   /// @param before  stock at the start of the segment; none: the blank
   /// @return the stock that the segment leaves; none if it is not tracked
-  std::optional<cutting::Stock> run(std::optional<cutting::Stock> before,
+  std::optional<cutting::Stock> run(const std::function<MillingSteps()>& steps,
+                                    std::optional<cutting::Stock> before,
                                     const Progress& progress) {
     const CollisionDescription& description = actual_motion_.segment.scene.collision;
     cutting::EncounterOptions options;
@@ -162,7 +167,7 @@ class SegmentSearch {
     add_clearances(search_result);
     for (const Encounter& encounter : search_result.list) add(encounter);
     if (!has_tracked_stock(actual_motion_.segment)) return {};
-    return add_stock(std::move(before), progress);
+    return add_stock(steps(), std::move(before), progress);
   }
 
  private:
@@ -202,11 +207,12 @@ class SegmentSearch {
     }
   }
 
-  std::optional<cutting::Stock> add_stock(std::optional<cutting::Stock> before,
+  std::optional<cutting::Stock> add_stock(MillingSteps steps, std::optional<cutting::Stock> before,
                                           const Progress& progress) {
     const auto begin = std::ptrdiff_t(result_.list.size()) - std::ptrdiff_t(event_count_);
     StockCollisions stock = check_table_range(actual_motion_.segment, [&] {
-      return stock_collisions(actual_motion_, bodies_, pairs_, std::move(before), progress);
+      return stock_collisions(actual_motion_, bodies_, pairs_, std::move(steps), std::move(before),
+                              progress);
     });
     result_.queries += stock.queries;
     std::ranges::move(stock.warnings, std::back_inserter(result_.warnings));
@@ -319,32 +325,73 @@ void add_overlap_warnings(Collisions& result) {
           pair.a, pair.b));
 }
 
+/// Searches the tools of a job one after another.
+class JobSearch {
+ public:
+  JobSearch(const Job& job, const std::string& name, const Progress& progress)
+      : job_(job), progress_(progress) {
+    result_.commands = name;
+    result_.resolution = job.scene.collision.resolution;
+    result_.clearance = job.scene.collision.clearance;
+    result_.gouge = job.scene.collision.gouge;
+  }
+
+  /// Searches the next tool.
+  void add(const CommandedSamples& samples, const std::function<MillingSteps()>& steps) {
+    const ActualMotion actual_motion{tool_segments(job_)[number_], samples};
+    stock_ = SegmentSearch(job_, actual_motion, number_, result_)
+                 .run(steps, std::move(stock_), progress_);
+    ++number_;
+  }
+
+  Collisions take(std::vector<std::string> subprogram_files, std::string beyond_travel) {
+    add_overlap_warnings(result_);
+    result_.subprogram_files = std::move(subprogram_files);
+    result_.beyond_travel = std::move(beyond_travel);
+    result_.seconds = watch_.lap();
+    return std::move(result_);
+  }
+
+ private:
+  const Job& job_;
+  const Progress& progress_;
+  Stopwatch watch_;
+  std::size_t number_ = 0;  // of the tool
+  std::optional<cutting::Stock> stock_;
+  Collisions result_;
+};
+
 }  // namespace
 
 Collisions collisions(const Job& job, const Commands& commands, const std::string& name,
                       const Progress& progress) {
-  Stopwatch watch;
-  Collisions result;
-  result.commands = name;
-  result.resolution = job.scene.collision.resolution;
-  result.clearance = job.scene.collision.clearance;
-  result.gouge = job.scene.collision.gouge;
+  JobSearch search(job, name, progress);
+  std::string beyond_travel;
   const auto segments = job_segments(job);
-  std::optional<cutting::Stock> stock;
   for (std::size_t i = 0; i < segments.size(); ++i) {
-    const ActualMotion actual_motion{segments[i], part_commands(commands, i)};
-    if (i == 0) result.subprogram_files = actual_motion.path.subprogram_files;
+    const Segment& segment = segments[i];
+    const Commands& tool_commands = part_commands(commands, i);
     try {
       // One error is reported, and the search goes on, so that the user sees the collisions too.
-      check_travel(segments[i].machine, actual_motion.path, actual_motion.samples);
+      check_travel(segment.machine, path_of(segment, tool_commands), tool_commands.samples);
     } catch (const BadInput& beyond) {
-      if (result.beyond_travel.empty()) result.beyond_travel = beyond.what();
+      if (beyond_travel.empty()) beyond_travel = beyond.what();
     }
-    stock = SegmentSearch(job, actual_motion, i, result).run(std::move(stock), progress);
+    search.add({segment, tool_commands},
+               [&] { return make_milling_steps(segment, tool_commands); });
   }
-  add_overlap_warnings(result);
-  result.seconds = watch.lap();
-  return result;
+  return search.take(path_of(segments.front(), part_commands(commands, 0)).subprogram_files,
+                     std::move(beyond_travel));
+}
+
+Collisions collisions(const Job& job, const WindowedProgram& program, const std::string& name,
+                      const Progress& progress) {
+  JobSearch search(job, name, progress);
+  const std::vector<WindowRange> ranges = window_ranges(job);
+  for (std::size_t i = 0; i < ranges.size(); ++i)
+    if (ranges[i].first < ranges[i].last)
+      search.add({job, i, program}, [&] { return make_milling_steps(job, i, program); });
+  return search.take(program.path.subprogram_files, {});
 }
 
 // Quick proximity check for runs without a collision search.

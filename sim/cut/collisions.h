@@ -17,6 +17,12 @@ namespace abbe::sim {
 Collisions collisions(const Job& job, const Commands& commands, const std::string& name,
                       const Progress& progress = {});
 
+/// Returns the same of a job in windows, of which up to three are in memory. The search needs 8
+/// bytes for each sample of the program besides, and the steps of the stock.
+/// @throws BadInput as above, and if a commanded axis leaves its travel
+Collisions collisions(const Job& job, const WindowedProgram& program, const std::string& name,
+                      const Progress& progress = {});
+
 /// Returns the warning for a job whose collisions are not searched; empty if nothing comes near.
 /// @throws BadInput as `machine_bodies` and `fixture_bodies`
 std::string proximity_warning(const Job& job);

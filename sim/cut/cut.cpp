@@ -595,6 +595,16 @@ void stop_at_collision(const Collisions& collisions) {
   throw CollisionStop(text + "; for positions and clearances run abbe check SCENE --collisions");
 }
 
+/// Adds the collisions to a cut, if the scene requests them.
+/// @throws CollisionStop if the scene asks to stop at a collision and there is one
+void add_collisions(const Job& job, const std::function<Collisions()>& search, Cut& result) {
+  if (!job.scene.collision.is_enabled) return;
+  result.collisions = search();
+  result.timing_s["collisions"] = result.collisions->seconds;
+  if (job.scene.collision.stop) stop_at_collision(*result.collisions);
+  add_warnings(collision_warnings(*result.collisions), result.warnings);
+}
+
 }  // namespace
 
 Cut cut(const Job& job, const Commands& commands, const Progress& progress, Retention keep) {
@@ -609,12 +619,8 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Rete
         not_converged_text(commands.not_converged, job.samples.states.size()));
   // The travel is checked first, since collisions, poses and surface take most of the time.
   check_travel(job, commands);
-  if (job.scene.collision.is_enabled) {
-    result.collisions = collisions(job, commands, result.name, progress);
-    result.timing_s["collisions"] = result.collisions->seconds;
-    if (job.scene.collision.stop) stop_at_collision(*result.collisions);
-    add_warnings(collision_warnings(*result.collisions), result.warnings);
-  }
+  add_collisions(
+      job, [&] { return collisions(job, commands, result.name, progress); }, result);
   const auto segments = job_segments(job);
   std::vector<SegmentMotion> motions;
   RunErrors run_errors(job);
@@ -815,6 +821,8 @@ Cut cut_in_windows(const Job& job, const WindowedProgram& program, const Progres
   Stopwatch watch;
   Cut result;
   result.name = result.case_name = "uncompensated";
+  add_collisions(
+      job, [&] { return collisions(job, program, result.name, progress); }, result);
   WindowedCut run(job, program, progress, result);
   if (job.scene.cutting) result.timing_s["stock"] = watch.lap();
   if (progress) progress("surface", 0.0);

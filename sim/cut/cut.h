@@ -62,13 +62,6 @@ Cut cut(const Job& job, const Progress& progress = {}, Retention keep = Retentio
 Cut cut(const Job& job, const Commands& commands, const Progress& progress = {},
         Retention keep = Retention::Map);
 
-/// The program of a case in the windows of a job: that of the job, or a rewritten one.
-struct WindowedProgram {
-  CommandSource commands;           ///< must not depend on samples outside the window
-  const program::Path& path;        ///< of all tools
-  std::span<const Window> windows;  ///< (windows of the job) with the times of this program
-};
-
 /// Cuts a job in windows on the machine with errors, in the memory of one window and of the steps
 /// of the cutting process. Each window is sampled, commanded and swept as often as the surface
 /// needs it; figures are those of the first time.

@@ -135,6 +135,13 @@ std::vector<WindowRange> window_ranges(const Job& job);
 /// @param number  index in job.windows
 using CommandSource = std::function<Commands(const Segment& window, std::size_t number)>;
 
+/// The program of a case in the windows of a job: that of the job, or a rewritten one.
+struct WindowedProgram {
+  CommandSource commands;           ///< must not depend on samples outside the window
+  const program::Path& path;        ///< of all tools
+  std::span<const Window> windows;  ///< (windows of the job) with the times of this program
+};
+
 /// Simulates the cut of one segment of a job in windows.
 /// @param command_source  returns the actual or the nominal commands
 /// @param pose     returns the pose of the tool

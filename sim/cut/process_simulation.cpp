@@ -643,54 +643,61 @@ Process simulate_process(const Scene& scene, const Machine& machine,
   }
 }
 
+void CarriedSamples::add(const FollowedProgram& window) {
+  const std::vector<program::Block> kept = std::move(path.blocks);
+  path = window.path;
+  path.blocks.insert(path.blocks.begin(), kept.begin(), kept.end());
+  const std::size_t first = window.is_continued ? 1 : 0;
+  std::size_t number = numbers.empty() ? 0 : numbers.back() + 1;
+  for (std::size_t i = first; i < window.samples.states.size(); ++i) {
+    samples.states.push_back(window.samples.states[i]);
+    samples.line.push_back(window.samples.line[i]);
+    samples.block.push_back(window.samples.block[i] + int(kept.size()));
+    T_wt.push_back(window.T_wt[i]);
+    numbers.push_back(number++);
+  }
+}
+
+void CarriedSamples::keep(std::size_t step, double reach) {
+  const std::size_t last = samples.states.size() - 1;
+  // Added up in the order of `milling_steps`, so that the travel has its bits.
+  std::optional<double> from_step;
+  for (std::size_t i = step + 1; i <= last; ++i)
+    from_step = i == 1 && travel
+                    ? *travel
+                    : from_step.value_or(0.0) + sample_travel(T_wt[i - 1], T_wt[i], reach);
+  CarriedSamples kept;
+  kept.travel = from_step;
+  for (std::size_t i = step; i <= last; i += std::max<std::size_t>(1, last - step)) {
+    kept.samples.states.push_back(samples.states[i]);
+    kept.samples.line.push_back(samples.line[i]);
+    kept.samples.block.push_back(int(kept.path.blocks.size()));
+    kept.path.blocks.push_back(path.blocks[std::size_t(samples.block[i])]);
+    kept.T_wt.push_back(T_wt[i]);
+    kept.numbers.push_back(numbers[i]);
+  }
+  *this = std::move(kept);
+}
+
 void WindowedProcess::add(const Scene& scene, const Machine& machine,
                           const cutting::Design& design_m, const FollowedProgram& window,
                           const PoseAt& pose, const std::function<void(double)>& progress) {
   if (!scene.cutting) return;
-  const program::Samples& samples = window.samples;
-  program::Path path = window.path;
-  const int kept_blocks = int(blocks_.size());
-  // Of the blocks before the window only feed and rapid are told apart, so their arcs may be
-  // missing.
-  path.blocks.insert(path.blocks.begin(), blocks_.begin(), blocks_.end());
-  for (std::size_t i = window.is_continued ? 1 : 0; i < samples.states.size(); ++i) {
-    samples_.states.push_back(samples.states[i]);
-    samples_.line.push_back(samples.line[i]);
-    samples_.block.push_back(samples.block[i] + kept_blocks);
-    T_wt_.push_back(window.T_wt[i]);
-  }
+  carried_.add(window);
+  const auto& [samples, path, T_wt, travel, numbers] = carried_;
   const auto pose_at = [&](std::size_t i, const Load& load) {
-    return pose(samples_.states[i], T_wt_[i], load);
+    return pose(carried_.samples.states[i], carried_.T_wt[i], load);
   };
   process_ = simulate_process(scene, machine, design_m,
-                              {samples_, path, T_wt_, pose_at, window.chain, window.tool,
-                               window.is_continued, window.continues, travel_},
+                              {samples, path, T_wt, pose_at, window.chain, window.tool,
+                               window.is_continued, window.continues, travel},
                               progress, std::move(process_));
-  if (samples_.states.empty()) return;
+  if (samples.states.empty()) return;
   const double reach = std::get<cutting::Cutter>(window.tool).flank_length;
-  const std::size_t step =
-      milling_steps(samples_, path, T_wt_, scene.cutting->step, reach, window.continues, travel_)
-          .back();
-  const std::size_t last = samples_.states.size() - 1;
-  // Added up in the order of `milling_steps`, so that the travel has its bits.
-  std::optional<double> travel;
-  for (std::size_t i = step + 1; i <= last; ++i)
-    travel = i == 1 && travel_
-                 ? *travel_
-                 : travel.value_or(0.0) + sample_travel(T_wt_[i - 1], T_wt_[i], reach);
-  travel_ = travel;
-  blocks_.clear();
-  program::Samples kept;
-  std::vector<kinematics::Pose> kept_T_wt;
-  for (std::size_t i = step; i <= last; i += std::max<std::size_t>(1, last - step)) {
-    kept.states.push_back(samples_.states[i]);
-    kept.line.push_back(samples_.line[i]);
-    kept.block.push_back(int(blocks_.size()));
-    kept_T_wt.push_back(T_wt_[i]);
-    blocks_.push_back(path.blocks[std::size_t(samples_.block[i])]);
-  }
-  samples_ = std::move(kept);
-  T_wt_ = std::move(kept_T_wt);
+  carried_.keep(
+      milling_steps(samples, path, T_wt, scene.cutting->step, reach, window.continues, travel)
+          .back(),
+      reach);
 }
 
 }  // namespace abbe::sim

@@ -96,9 +96,27 @@ Process simulate_process(const Scene& scene, const Machine& machine,
                          const cutting::Design& design_m, const FollowedProgram& program,
                          const std::function<void(double)>& progress = {}, Process before = {});
 
+/// The samples of a program that comes in windows: those of a window behind the last step and the
+/// last sample of the windows before.
+class CarriedSamples {
+ public:
+  /// Appends a window. A continued window begins with the last sample of the one before.
+  void add(const FollowedProgram& window);
+  /// Keeps a step and the last sample, with the travel between them.
+  /// @param step   a sample
+  /// @param reach  as for `milling_steps`
+  void keep(std::size_t step, double reach);
+
+  program::Samples samples;
+  program::Path path;  ///< with the blocks of the samples, of which those before the window have
+                       ///< only feed or rapid
+  std::vector<kinematics::Pose> T_wt;  ///< (samples)
+  std::optional<double> travel;        ///< from sample 0 to sample 1, as for `milling_steps`
+  std::vector<std::size_t> numbers;    ///< (samples) in the whole program of the tool
+};
+
 /// Simulates the milling of a program that comes in windows. Its steps are those of the whole
-/// program: the last step of a window and its last sample are kept for the next window, with the
-/// travel between them.
+/// program: the last step of a window and its last sample are kept for the next window.
 class WindowedProcess {
  public:
   /// Returns the actual pose of the tool at a state under a load.
@@ -108,7 +126,7 @@ class WindowedProcess {
   /// @param before  has the stock that the tools before have left; without one the blank is cut
   explicit WindowedProcess(Process before) : process_(std::move(before)) {}
 
-  /// Simulates a window. A continued window begins with the last sample of the one before.
+  /// Simulates a window.
   /// @param window  whose poses are those of `pose`
   void add(const Scene& scene, const Machine& machine, const cutting::Design& design_m,
            const FollowedProgram& window, const PoseAt& pose,
@@ -117,10 +135,7 @@ class WindowedProcess {
 
  private:
   Process process_;
-  program::Samples samples_;            // the last step, and the last sample if it is another
-  std::vector<program::Block> blocks_;  // (samples) of each
-  std::vector<kinematics::Pose> T_wt_;  // (samples)
-  std::optional<double> travel_;        // from that step to that sample, mm
+  CarriedSamples carried_;
 };
 
 }  // namespace abbe::sim

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -35,6 +36,45 @@ MillingSteps make_milling_steps(const Segment& segment, const Commands& commands
   for (const std::size_t i : milling.at) {
     milling.line.push_back(samples.line[i]);
     milling.rapid.push_back(is_rapid(samples, path, i));
+  }
+  return milling;
+}
+
+MillingSteps make_milling_steps(const Job& job, std::size_t tool, const WindowedProgram& program) {
+  const Segment& segment = tool_segments(job)[tool];
+  const double reach = std::get<cutting::Cutter>(segment.scene.tool.actual).flank_length;
+  const WindowRange range = window_ranges(job)[tool];
+  MillingSteps milling;
+  CarriedSamples carried;
+  for (std::size_t number = range.first; number < range.last; ++number) {
+    const Segment window = make_window(job, number);
+    const Commands commands = program.commands(window, number);
+    const bool continues = number + 1 < range.last;
+    carried.add({.samples = commands.samples,
+                 .path = path_of(window, commands),
+                 .T_wt = target_poses(window, commands),
+                 .pose = {},
+                 .chain = segment.truth.actual,
+                 .tool = segment.scene.tool.actual,
+                 .is_continued = window.sampling.continued_from.has_value()});
+    std::vector<std::size_t> at =
+        milling_steps(carried.samples, carried.path, carried.T_wt, segment.scene.cutting->step,
+                      reach, continues, carried.travel);
+    const std::size_t last = at.back();
+    // The first step of a later window is the last of the windows before.
+    if (!milling.at.empty()) at.erase(at.begin());
+    Commands carried_commands;
+    carried_commands.samples = carried.samples;
+    carried_commands.T_wt_nominal = carried.T_wt;
+    if (!at.empty())
+      std::ranges::move(tool_poses(segment, carried_commands, {}, at),
+                        std::back_inserter(milling.T_wt));
+    for (const std::size_t i : at) {
+      milling.at.push_back(carried.numbers[i]);
+      milling.line.push_back(carried.samples.line[i]);
+      milling.rapid.push_back(is_rapid(carried.samples, carried.path, i));
+    }
+    carried.keep(last, reach);
   }
   return milling;
 }
@@ -159,10 +199,11 @@ struct WatchedBody {
 class StockSearch {
  public:
   StockSearch(const ActualMotion& actual_motion, const std::vector<SolidBody>& bodies,
-              const std::vector<cutting::BodyPair>& pairs, std::optional<cutting::Stock> before)
+              const std::vector<cutting::BodyPair>& pairs, MillingSteps steps,
+              std::optional<cutting::Stock> before)
       : actual_motion_(actual_motion),
         cutter_(std::get<cutting::Cutter>(actual_motion.segment.scene.tool.actual)),
-        milling_(make_milling_steps(actual_motion.segment, actual_motion.commands)),
+        milling_(std::move(steps)),
         initial_(before ? *std::move(before)
                         : blank_stock(actual_motion.segment.scene,
                                       make_blank(actual_motion.segment.scene,
@@ -297,9 +338,10 @@ class StockSearch {
 
   /// Returns the end of the block that is executed at a step.
   ProgramLocation end_of_block(std::size_t k) const {
-    const auto& block = actual_motion_.samples.block;
+    const CommandedSamples& samples = actual_motion_.samples;
     std::size_t i = milling_.at[k];
-    while (i + 1 < block.size() && block[i + 1] == block[i]) ++i;
+    const std::size_t block = samples[i].block;
+    while (i + 1 < samples.size() && samples[i + 1].block == block) ++i;
     return actual_motion_.place({i, 0.0});
   }
 
@@ -684,9 +726,9 @@ bool has_tracked_stock(const Segment& segment) {
 
 StockCollisions stock_collisions(const ActualMotion& actual_motion,
                                  const std::vector<SolidBody>& bodies,
-                                 const std::vector<cutting::BodyPair>& pairs,
+                                 const std::vector<cutting::BodyPair>& pairs, MillingSteps steps,
                                  std::optional<cutting::Stock> before, const Progress& progress) {
-  StockSearch search(actual_motion, bodies, pairs, std::move(before));
+  StockSearch search(actual_motion, bodies, pairs, std::move(steps), std::move(before));
   search.run(progress);
   return std::move(search.result);
 }

@@ -31,6 +31,9 @@ struct MillingSteps {
 /// @throws BadInput if the motion leaves a table of the errors
 MillingSteps make_milling_steps(const Segment& segment, const Commands& commands,
                                 const Process& process = {});
+/// Returns those of a tool of a job in windows, without forces.
+/// @param tool  index in `tool_segments`
+MillingSteps make_milling_steps(const Job& job, std::size_t tool, const WindowedProgram& program);
 
 /// Repeats a cut move by move, with its poses and forces. After each move the stock equals that of
 /// the process.
@@ -91,11 +94,12 @@ struct StockCollisions {
 /// the accuracy of the stock, a spacing of its dexels (`[cutting] spacing_mm`). Between two steps a
 /// body moves on a screw. An event ends with the block in which the bodies part.
 /// @param pairs   of the bodies; those with the part are searched for the stock instead
+/// @param steps   of the motion
 /// @param before  stock at the start of the part; none: the blank
 /// @throws BadInput if the blank is not valid
 StockCollisions stock_collisions(const ActualMotion& actual_motion,
                                  const std::vector<SolidBody>& bodies,
-                                 const std::vector<cutting::BodyPair>& pairs,
+                                 const std::vector<cutting::BodyPair>& pairs, MillingSteps steps,
                                  std::optional<cutting::Stock> before = {},
                                  const Progress& progress = {});
 

@@ -526,7 +526,6 @@ std::string find_windows_obstacle(const Scene& scene,
     if (!std::holds_alternative<cutting::Cutter>(tool.nominal)) return "a turned part";
     if (tool.wear) return "tool wear";  // depends on all earlier samples of the tool
   }
-  if (scene.collision.is_enabled) return "[collision]";
   // Accelerations depend on the samples on both sides.
   if (scene.compliance && scene.compliance->inertia) return "compliance.inertia";
   if (!compensator) return {};

@@ -57,6 +57,21 @@ Job planted_job(const PlantedCrash& planted) {
   return prepare(read_scene(folder.write("scene.toml", scene), planted.changes));
 }
 
+/// Collisions as written, without the time that the search took.
+std::string written(const Collisions& collisions) {
+  nlohmann::ordered_json json = to_json(collisions);
+  EXPECT_EQ(json.erase("seconds"), 1u);
+  return json.dump(1);
+}
+
+Collisions in_windows(const Job& job, std::mt19937_64& random) {
+  const Job windowed = in_random_windows(job, random);
+  return collisions(windowed,
+                    {[](const Segment& window, std::size_t) { return segment_commands(window); },
+                     job.path, windowed.windows->all},
+                    "uncompensated");
+}
+
 Collisions collisions_of(const PlantedCrash& planted) {
   const Job job = planted_job(planted);
   return collisions(job, uncompensated_commands(job), "uncompensated");
@@ -194,6 +209,31 @@ TEST(Collisions, TheHolderInTheStockAsItIsThen) {
   // unless that pair is left out
   expect_no_contact({moves + "G1 Z36 F500\nG0 Z100", holder,
                      small + std::string("[[collision.ignore]]\na = \"holder\"\nb = \"stock\"\n")});
+}
+
+// The motion of bodies and the steps of the stock are the same when samples are made again window
+// by window; most windows here end within a contact or a step.
+TEST(Collisions, InWindowsAreThoseOfTheWhole) {
+  constexpr std::uint64_t seed = 41;
+  std::mt19937_64 random(seed);
+  const char* const coarse =
+      "[cutting]\nblank = \"box\"\nlower_mm = [-40, -50, 20]\nupper_mm = [0, -10, 80]\n"
+      "spacing_mm = 4\n";
+  const std::vector<PlantedCrash> crashes{
+      {"G1 Z21 F1000\nG1 X-24.2\nG0 X-24.5\nG0 Z100", "", clamp},
+      {"G1 Z60 F500\nG1 X0\nG1 X-20\nG1 Z50\nG1 X0\nG1 Y-29.7\nG1 X-20\nG0 Z100",
+       "shank_radius_mm = 5.4\n", coarse},
+      {"G1 Z70 F500\nG1 X0\nG4 P1\nG0 X-30 Z66\nG1 Z64\nG1 X-29.8\nG1 X-29.6\nG0 Y-20\nG0 Z100",
+       holder, std::string(clamp) + coarse}};
+  for (const PlantedCrash& planted : crashes) {
+    const Job job = planted_job(planted);
+    const Collisions whole = collisions(job, uncompensated_commands(job), "uncompensated");
+    const std::string text = written(whole);
+    EXPECT_EQ(text, written(in_windows(job, random))) << planted.moves;
+    std::cout << contacts(whole) << " contacts, " << whole.list.size() << " events, "
+              << whole.queries << " queries\n";
+    EXPECT_FALSE(whole.list.empty());
+  }
 }
 
 TEST(Collisions, TheShankInTheStock) {

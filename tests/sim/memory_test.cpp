@@ -371,11 +371,11 @@ void same_process(const Process& a, const Process& b) {
 // A bracket that three tools cut from one blank, on a machine that errs, warms up and bends. With
 // few samples held, windows end within steps of the stock, intervals of heat and rows of signals.
 TEST(Windows, GiveSeveralToolsForcesAndHeatToTheBit) {
-  Scene scene = read_scene(fs::path(ABBE_SOURCE_DIR) / "scenes/bracket/bracket.toml",
-                           {{"signals.interval_s", "0.7"},
-                            {"thermal.interval_s", "1.3"},
-                            {"cutting.spacing_mm", std::getenv("ABBE_LONG") ? "0.5" : "1.5"}});
-  scene.collision.is_enabled = false;
+  const Scene scene =
+      read_scene(fs::path(ABBE_SOURCE_DIR) / "scenes/bracket/bracket.toml",
+                 {{"signals.interval_s", "0.7"},
+                  {"thermal.interval_s", "1.3"},
+                  {"cutting.spacing_mm", std::getenv("ABBE_LONG") ? "0.5" : "1.5"}});
   const Job job = sampled(prepare(scene));
   const Job windowed = sampled(prepare(scene, {}, holding(4000)));
   ASSERT_TRUE(windowed.windows);
@@ -435,23 +435,6 @@ std::string dwelling_program(std::mt19937_64& random) {
   return text + "M30\n";
 }
 
-/// Windows of one to three blocks.
-Windows random_windows(const Job& job, std::mt19937_64& random) {
-  Windows windows;
-  program::SampleWindow blocks;
-  const std::size_t count = job.path.blocks.size();
-  while (blocks.first < count) {
-    blocks.last = std::min(count, blocks.first + 1 + random() % 3);
-    windows.all.push_back({0, blocks});
-    program::SampleOptions sampling = job.sampling;
-    sampling.continued_from = blocks.continued_from;
-    const program::Samples samples =
-        program::sample(program::path_of(job.path, blocks), job.machine.nominal, sampling);
-    blocks = {blocks.last, 0, program::SamplingState{samples.states.back(), samples.moved}};
-  }
-  return windows;
-}
-
 TEST(Windows, CorrectAProgramAsTheWhole) {
   constexpr std::uint64_t seed = 29;
   std::mt19937_64 random(seed);
@@ -465,8 +448,7 @@ TEST(Windows, CorrectAProgramAsTheWhole) {
                "chord_tolerance_nm = 20000\n");
   const Scene scene = read_scene(folder.write("dwelling.toml", toml));
   const Job job = prepare(scene);
-  Job windowed = job;
-  windowed.windows = std::make_shared<const Windows>(random_windows(job, random));
+  const Job windowed = in_random_windows(job, random);
   int after_dwell = 0;
   for (const Window& window : windowed.windows->all)
     if (window.blocks.continued_from)

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <random>
 #include "sim/loop/compensate.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/scene_folder.h"
@@ -24,6 +25,24 @@ inline std::vector<std::string> packaged_scenes() {
 /// A packaged scene with changes, compiled.
 inline Job job_of(const std::string& name, const std::vector<Override>& changes = {}) {
   return prepare(read_scene(packaged(name), changes));
+}
+
+/// A job of one tool, divided into windows of one to three blocks.
+inline Job in_random_windows(Job job, std::mt19937_64& random) {
+  Windows windows;
+  program::SampleWindow blocks;
+  const std::size_t count = job.path.blocks.size();
+  while (blocks.first < count) {
+    blocks.last = std::min(count, blocks.first + 1 + random() % 3);
+    windows.all.push_back({0, blocks});
+    program::SampleOptions sampling = job.sampling;
+    sampling.continued_from = blocks.continued_from;
+    const program::Samples samples =
+        program::sample(program::path_of(job.path, blocks), job.machine.nominal, sampling);
+    blocks = {blocks.last, 0, program::SamplingState{samples.states.back(), samples.moved}};
+  }
+  job.windows = std::make_shared<const Windows>(std::move(windows));
+  return job;
 }
 
 inline constexpr double ball_radius = 5.0;  // mm, of tools/ball_r5.toml
