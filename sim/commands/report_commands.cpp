@@ -54,35 +54,34 @@ Exit print_report_file(const CommonOptions& common, const std::filesystem::path&
   return Exit::Ok;
 }
 
+/// Returns the page of results that a command wrote, in a folder or a file.
+HtmlReport result_page(const std::filesystem::path& results, const std::string& language) {
+  const bool is_folder = std::filesystem::is_directory(results);
+  const bool is_study = is_folder && study::has_study(results);
+  if (is_folder && !is_study && has_saved_cases(results))
+    return saved_results_page(results, language);
+  FiguresPage page = is_study    ? study::saved_study_page(results)
+                     : is_folder ? evaluation_page(results)
+                                 : identification_page(results);
+  page.language = language;
+  if (!is_study)
+    page.command =
+        is_folder ? "abbe evaluate READINGS --report" : "abbe identify READINGS --report";
+  return {page_html(page), page.warnings};
+}
+
 /// Computes a study, or its unfinished part, as `abbe study` does, and writes its page.
 Exit report_study(const CommonOptions& common, const ReportArguments& arguments) {
   study::StudyOptions options;
   options.overrides = overrides(common);
   options.folder = result_folder(common);
   options.permissions = common.permissions;
-  if (arguments.file.empty()) options.report_language = arguments.language;
-  const study::StudyResult result = study::run_study(common.scene, options, {});
-  const std::filesystem::path default_file = options.folder / "report.html";
-  if (arguments.file.empty())
-    return print_report_file(common, default_file, std::filesystem::file_size(default_file),
-                             result.warnings);
-  const HtmlReport page = study::study_page(options.folder, arguments.language);
-  write_file(result_file(arguments.file, {common.permissions, {common.scene}}), page.html);
-  return print_report_file(common, arguments.file, page.html.size(), page.warnings);
-}
-
-/// Returns the page of results that a command wrote, in a folder or a file.
-HtmlReport result_page(const std::filesystem::path& results, const ReportArguments& arguments) {
-  if (std::filesystem::is_directory(results) && study::has_study(results))
-    return study::study_page(results, arguments.language);
-  if (std::filesystem::is_directory(results) && has_saved_cases(results))
-    return saved_results_page(results, arguments.language);
-  const bool is_evaluation = std::filesystem::is_directory(results);
-  FiguresPage page = is_evaluation ? evaluation_page(results) : identification_page(results);
-  page.language = arguments.language;
-  page.command =
-      is_evaluation ? "abbe evaluate READINGS --report" : "abbe identify READINGS --report";
-  return {page_html(page), page.warnings};
+  study::run_study(common.scene, options, {});
+  const std::filesystem::path file =
+      arguments.file.empty() ? options.folder / "report.html" : arguments.file;
+  const HtmlReport page = result_page(options.folder, arguments.language);
+  write_file(result_file(file, {common.permissions, {common.scene}}), page.html);
+  return print_report_file(common, file, page.html.size(), page.warnings);
 }
 
 /// Returns the input files of a page, which it must not replace.
@@ -107,7 +106,7 @@ Exit report_results(const CommonOptions& common, const ReportArguments& argument
   const std::filesystem::path file = !arguments.file.empty() ? arguments.file
                                      : common.out.empty()    ? default_file
                                                              : common.out / default_file.filename();
-  const HtmlReport page = result_page(results, arguments);
+  const HtmlReport page = result_page(results, arguments.language);
   write_file(result_file(file, {common.permissions, page_inputs(results)}), page.html);
   return print_report_file(common, file, page.html.size(), page.warnings);
 }

@@ -102,15 +102,30 @@ std::vector<ReportLabel> all_labels() {
   return labels;
 }
 
-/// Throws std::invalid_argument if a block uses an unknown label: the script of the page would stop
-/// there.
-void check_labels(const ordered_json& json, const std::set<std::string>& known_labels) {
+/// Throws std::invalid_argument for an unknown label, at which the script of the page would stop,
+/// and for text in place of a figure or a picture, which the script would insert unescaped.
+void check_block(const ordered_json& json, const std::set<std::string>& known_labels) {
   if (json.is_object() && json.contains("label")) {
     const auto key = json.at("label").get<std::string>();
     if (!known_labels.count(key)) throw std::invalid_argument("the page has no label " + key);
   }
+  if (json.is_object() && json.contains("value")) require_figure(json.at("value"));
+  if (json.is_object() && json.contains("src") &&
+      json.at("src").get<std::string>().find('"') != std::string::npos)
+    throw std::invalid_argument("a picture with a quotation mark in its source");
   if (json.is_structured())
-    for (const ordered_json& element : json) check_labels(element, known_labels);
+    for (const ordered_json& element : json) check_block(element, known_labels);
+}
+
+/// Throws std::invalid_argument if a page has no valid blocks or request.
+void check_page(const FiguresPage& page) {
+  std::set<std::string> known_labels;
+  for (const ReportLabel& label : all_labels()) known_labels.insert(std::string(label.key));
+  for (const ordered_json& block : page.blocks) {
+    for (const char* key : {"type", "id"}) block.at(key).get<std::string>();
+    check_block(block, known_labels);
+  }
+  for (const auto& [key, value] : page.request) check_block({{"label", key}}, known_labels);
 }
 
 /// Returns a list item with the download link of a file.
@@ -138,19 +153,37 @@ std::string closing_section(const FiguresPage& page) {
   return text + "</ul>";
 }
 
+ordered_json to_json(const FiguresPage& page) {
+  return {{"title", page.title},
+          {"request", page.request},
+          {"warnings", page.warnings},
+          {"command", page.command},
+          {"blocks", page.blocks}};
+}
+
+FiguresPage read_page(const std::filesystem::path& file) {
+  FiguresPage page;
+  read_saved_json(file, "a page written by abbe, with title, request, warnings and blocks",
+                  [&](const ordered_json& json, const std::string&) {
+                    page.title = json.at("title");
+                    page.request = json.at("request");
+                    page.warnings = json.at("warnings");
+                    page.command = json.at("command");
+                    page.blocks = json.at("blocks");
+                    check_page(page);
+                  });
+  return page;
+}
+
 std::string page_html(const FiguresPage& page) {
-  const std::vector<ReportLabel> labels = all_labels();
-  std::set<std::string> known_labels;
-  for (const ReportLabel& label : labels) known_labels.insert(std::string(label.key));
-  check_labels(page.blocks, known_labels);
-  for (const auto& [key, value] : page.request) check_labels({{"label", key}}, known_labels);
+  check_page(page);
   return html::filled(charts_page(),
                       {{"language", page.language},
                        {"title", html::html_escaped(page.title)},
                        {"style", std::string(charts_style())},
                        {"script", charts_script()},
                        {"script_hash", script_hash(charts_script())},
-                       {"labels", html::in_script(html::labels_json(labels))},
+                       {"labels", html::in_script(html::labels_json(all_labels()))},
                        {"words", closing_section(page)},
                        {"data", "<script type=\"application/json\" id=\"index\">" +
                                     html::in_script({{"blocks", page.blocks}}) + "</script>"}});

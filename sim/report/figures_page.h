@@ -82,6 +82,15 @@ struct FiguresPage {
 /// the results.
 std::string closing_section(const FiguresPage& page);
 
+/// Returns title, request, warnings, command and blocks of a page as JSON, without its files and
+/// language.
+nlohmann::ordered_json to_json(const FiguresPage& page);
+
+/// Reads a page that was saved as JSON by a command of abbe.
+/// @throws BadInput naming the file if it is not such a page, or has an unknown label or a value
+/// that is not a figure
+FiguresPage read_page(const std::filesystem::path& file);
+
 /// Returns one self-contained page (render/report/charts.js): its blocks, then the closing section.
 /// @throws std::invalid_argument naming a label that does not exist
 std::string page_html(const FiguresPage& page);

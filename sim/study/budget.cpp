@@ -205,43 +205,47 @@ std::vector<ParetoBar> pareto(const Ranking& ranking, std::size_t max_inputs) {
   return bars;
 }
 
-namespace {
-
 using nlohmann::ordered_json;
 
-/// Returns a number as JSON, null for infinity and NaN.
-ordered_json json_number(double value) {
-  return std::isfinite(value) ? ordered_json(value) : ordered_json();
+ordered_json json_figure(const std::optional<double>& value) {
+  return value && std::isfinite(*value) ? ordered_json(*value) : ordered_json();
 }
-ordered_json json_number(const std::optional<double>& value) {
-  return value ? json_number(*value) : ordered_json();
+
+ordered_json json_figure(const IntervalEstimate& estimate, double factor) {
+  return {{"value", json_figure(factor * estimate.value)},
+          {"low", json_figure(factor * estimate.low)},
+          {"high", json_figure(factor * estimate.high)}};
 }
-ordered_json json_numbers(const Eigen::VectorXd& values) {
+
+ordered_json json_figure(Response response, const std::optional<double>& value) {
+  return value ? json_figure(in_unit(response, *value)) : ordered_json();
+}
+
+ordered_json json_figure(Response response, const IntervalEstimate& estimate) {
+  return json_figure(IntervalEstimate{in_unit(response, estimate.value),
+                                      in_unit(response, estimate.low),
+                                      in_unit(response, estimate.high)});
+}
+
+ordered_json json_figures(const Eigen::VectorXd& values) {
   ordered_json list = ordered_json::array();
-  for (const double value : values) list.push_back(json_number(value));
+  for (const double value : values) list.push_back(json_figure(value));
   return list;
 }
 
-/// Converts values of a response to JSON in its unit.
-struct UnitConverter {
-  Response response;
-
-  ordered_json operator()(double value) const { return json_number(in_unit(response, value)); }
-  ordered_json operator()(const std::optional<double>& value) const {
-    return value ? (*this)(*value) : ordered_json();
-  }
-  ordered_json operator()(const IntervalEstimate& estimate) const {
-    return {{"value", (*this)(estimate.value)},
-            {"low", (*this)(estimate.low)},
-            {"high", (*this)(estimate.high)}};
-  }
-};
-
-ordered_json interval_json(const IntervalEstimate& estimate, double factor = 1.0) {
-  return {{"value", json_number(factor * estimate.value)},
-          {"low", json_number(factor * estimate.low)},
-          {"high", json_number(factor * estimate.high)}};
+ordered_json map_figures(const ConfigurationBudget& arm) {
+  if (arm.maps.empty() && !arm.map_rms && !arm.uncut_percent) return {};
+  const auto figure_um = [](const std::optional<double>& value) {
+    return value ? json_figure(*value / units::um) : ordered_json();
+  };
+  return {{"rms_um", figure_um(arm.map_rms)},
+          {"mean_rms_um", figure_um(arm.map_mean_rms)},
+          {"flagged_percent", json_figure(arm.flagged_percent)},
+          {"uncut_percent", json_figure(arm.uncut_percent)},
+          {"gouged_percent", json_figure(arm.gouged_percent)}};
 }
+
+namespace {
 
 const char* name_of(Distribution::Kind kind) {
   switch (kind) {
@@ -257,18 +261,6 @@ const char* name_of(Distribution::Kind kind) {
   return "";
 }
 
-const char* name_of(Engine engine) {
-  switch (engine) {
-    case Engine::Influence:
-      return "influence";
-    case Engine::Full:
-      return "full";
-    case Engine::Both:
-      return "both";
-  }
-  return "";
-}
-
 ordered_json inputs_json(const Study& study) {
   const Eigen::VectorXd centres = centre(study), deviations = spreads(study);
   ordered_json list = ordered_json::array();
@@ -277,18 +269,18 @@ ordered_json inputs_json(const Study& study) {
     const Distribution& d = input.distribution;
     ordered_json settings = ordered_json::array();
     for (const Setting& setting : input.settings)
-      settings.push_back({{"path", setting.path}, {"factor", json_number(setting.factor)}});
+      settings.push_back({{"path", setting.path}, {"factor", json_figure(setting.factor)}});
     list.push_back({{"name", input.name},
                     {"unit", unit_of(input)},
-                    {"centre", json_number(centres[Eigen::Index(i)])},
-                    {"standard_deviation", json_number(deviations[Eigen::Index(i)])},
-                    {"cost", json_number(input.cost)},
+                    {"centre", json_figure(centres[Eigen::Index(i)])},
+                    {"standard_deviation", json_figure(deviations[Eigen::Index(i)])},
+                    {"cost", json_figure(input.cost)},
                     {"distribution",
                      {{"kind", name_of(d.kind)},
-                      {"centre", json_number(d.centre)},
-                      {"spread", json_number(d.spread)},
-                      {"low", json_number(d.low)},
-                      {"high", json_number(d.high)}}},
+                      {"centre", json_figure(d.centre)},
+                      {"spread", json_figure(d.spread)},
+                      {"low", json_figure(d.low)},
+                      {"high", json_figure(d.high)}}},
                     {"element", input.element},
                     {"number", input.number},
                     {"settings", settings}});
@@ -306,36 +298,34 @@ ordered_json correlations_json(const Study& study) {
         if (rho(i, j) != 0.0)
           pairs.push_back({{"a", study.inputs[std::size_t(group.of[std::size_t(j)])].name},
                            {"b", study.inputs[std::size_t(group.of[std::size_t(i)])].name},
-                           {"rho", json_number(rho(i, j))}});
+                           {"rho", json_figure(rho(i, j))}});
   }
   return pairs;
 }
 
 ordered_json contribution_json(const Study& study, const Contribution& contribution,
-                               const UnitConverter& convert) {
+                               Response response) {
   return {
       {"input", study.inputs[std::size_t(contribution.input)].name},
-      {"low", convert(contribution.low)},
-      {"high", convert(contribution.high)},
-      {"sobol_first",
-       contribution.sobol ? interval_json(contribution.sobol->first) : ordered_json()},
-      {"sobol_total",
-       contribution.sobol ? interval_json(contribution.sobol->total) : ordered_json()},
-      {"correlation", json_number(contribution.correlation)},
-      {"rank_correlation", json_number(contribution.rank_correlation)},
+      {"low", json_figure(response, contribution.low)},
+      {"high", json_figure(response, contribution.high)},
+      {"sobol_first", contribution.sobol ? json_figure(contribution.sobol->first) : ordered_json()},
+      {"sobol_total", contribution.sobol ? json_figure(contribution.sobol->total) : ordered_json()},
+      {"correlation", json_figure(contribution.correlation)},
+      {"rank_correlation", json_figure(contribution.rank_correlation)},
       {"main_effect_percent",
-       contribution.main_effect ? json_number(100.0 * *contribution.main_effect) : ordered_json()}};
+       contribution.main_effect ? json_figure(100.0 * *contribution.main_effect) : ordered_json()}};
 }
 
-ordered_json statistics_json(const ResponseStatistics& statistics, const UnitConverter& convert) {
+ordered_json statistics_json(const ResponseStatistics& statistics, Response response) {
   return {{"cases", statistics.cases},
-          {"mean", convert(statistics.mean)},
-          {"standard_deviation", convert(statistics.standard_deviation)},
-          {"min", convert(statistics.min)},
-          {"max", convert(statistics.max)},
-          {"median", convert(statistics.median)},
-          {"p95", convert(statistics.p95)},
-          {"p99", convert(statistics.p99)}};
+          {"mean", json_figure(response, statistics.mean)},
+          {"standard_deviation", json_figure(response, statistics.standard_deviation)},
+          {"min", json_figure(response, statistics.min)},
+          {"max", json_figure(response, statistics.max)},
+          {"median", json_figure(response, statistics.median)},
+          {"p95", json_figure(response, statistics.p95)},
+          {"p99", json_figure(response, statistics.p99)}};
 }
 
 ordered_json convergence_json(const IndexConvergence& index_convergence) {
@@ -343,8 +333,8 @@ ordered_json convergence_json(const IndexConvergence& index_convergence) {
   for (std::size_t m = 0; m < index_convergence.base_points.size(); ++m) {
     ordered_json first = ordered_json::array(), total = ordered_json::array();
     for (const SobolIndex& index : index_convergence.indices[m]) {
-      first.push_back(interval_json(index.first));
-      total.push_back(interval_json(index.total));
+      first.push_back(json_figure(index.first));
+      total.push_back(json_figure(index.total));
     }
     steps.push_back({{"base_points", index_convergence.base_points[m]},
                      {"sobol_first", first},
@@ -355,38 +345,37 @@ ordered_json convergence_json(const IndexConvergence& index_convergence) {
 
 /// Returns the inputs with the largest shares of a response, and the share due to no input alone.
 ordered_json dominance_json(const Study& study, const ResponseBudget& response) {
-  constexpr std::size_t max_inputs = 10;
   const Ranking order = ranking(response, study.inputs.size());
   if (order.basis == Ranking::Basis::None) return {};
   ordered_json list = ordered_json::array();
-  for (const ParetoBar& bar : pareto(order, max_inputs))
+  for (const ParetoBar& bar : pareto(order, max_ranked_inputs))
     if (bar.kind == ParetoBar::Kind::Input && bar.share > 0.0)
       list.push_back({{"input", study.inputs[std::size_t(bar.input)].name},
-                      {"share_percent", json_number(100.0 * bar.share)}});
+                      {"share_percent", json_figure(100.0 * bar.share)}});
   return {{"of", share_of(order.basis)},
           {"dominated", !dominant_inputs(order).empty()},
           {"largest", list},
-          {"of_no_input_alone_percent", json_number(100.0 * order.apart)}};
+          {"of_no_input_alone_percent", json_figure(100.0 * order.apart)}};
 }
 
 ordered_json response_json(const Study& study, const ResponseBudget& budget) {
-  const UnitConverter convert{budget.response};
+  const Response response = budget.response;
   ordered_json contributions = ordered_json::array();
   for (const Contribution& contribution : budget.contributions)
-    contributions.push_back(contribution_json(study, contribution, convert));
+    contributions.push_back(contribution_json(study, contribution, response));
   return {
       {"response", name_of(budget.response)},
       {"unit", unit_of(budget.response)},
-      {"base", convert(budget.base)},
-      {"root_sum_square", convert(budget.root_sum_square)},
-      {"sum", convert(budget.sum)},
-      {"worst", convert(budget.worst)},
-      {"worst_bound", convert(budget.worst_bound)},
-      {"monte_carlo", budget.answers ? statistics_json(*budget.answers, convert) : ordered_json()},
-      {"limit", convert(budget.limit)},
+      {"base", json_figure(response, budget.base)},
+      {"root_sum_square", json_figure(response, budget.root_sum_square)},
+      {"sum", json_figure(response, budget.sum)},
+      {"worst", json_figure(response, budget.worst)},
+      {"worst_bound", json_figure(response, budget.worst_bound)},
+      {"monte_carlo", budget.answers ? statistics_json(*budget.answers, response) : ordered_json()},
+      {"limit", json_figure(response, budget.limit)},
       {"within_limit_percent",
-       budget.fraction_within ? interval_json(*budget.fraction_within, 100.0) : ordered_json()},
-      {"cpk", json_number(budget.capability)},
+       budget.fraction_within ? json_figure(*budget.fraction_within, 100.0) : ordered_json()},
+      {"cpk", json_figure(budget.capability)},
       {"whose", dominance_json(study, budget)},
       {"contributions", contributions},
       {"convergence",
@@ -394,38 +383,32 @@ ordered_json response_json(const Study& study, const ResponseBudget& budget) {
 }
 
 ordered_json map_json(const Study& study, const ConfigurationBudget& arm) {
-  if (arm.maps.empty() && !arm.map_rms && !arm.uncut_percent) return {};
+  ordered_json json = map_figures(arm);
+  if (json.is_null()) return json;
   ordered_json list = ordered_json::array();
   for (std::size_t i = 0; i < arm.maps.size(); ++i)
     list.push_back({{"input", study.inputs[i].name},
-                    {"rms_um", json_number(arm.maps[i].rms / units::um)},
-                    {"pv_um", json_number(arm.maps[i].pv / units::um)},
-                    {"share_percent", json_number(100.0 * arm.maps[i].share)}});
-  const auto json_um = [](const std::optional<double>& value) {
-    return value ? json_number(*value / units::um) : ordered_json();
-  };
-  return {{"rms_um", json_um(arm.map_rms)},
-          {"mean_rms_um", json_um(arm.map_mean_rms)},
-          {"flagged_percent", json_number(arm.flagged_percent)},
-          {"uncut_percent", json_number(arm.uncut_percent)},
-          {"gouged_percent", json_number(arm.gouged_percent)},
-          {"contributions", list}};
+                    {"rms_um", json_figure(arm.maps[i].rms / units::um)},
+                    {"pv_um", json_figure(arm.maps[i].pv / units::um)},
+                    {"share_percent", json_figure(100.0 * arm.maps[i].share)}});
+  json["contributions"] = list;
+  return json;
 }
 
 ordered_json allocation_json(const Allocation& allocation) {
-  const UnitConverter convert{allocation.asked.response};
+  const Response response = allocation.asked.response;
   const auto choice_json = [&](const Eigen::VectorXd& factors, double cost,
                                const IntervalEstimate& within_limit) {
-    return ordered_json{{"factors", json_numbers(factors)},
-                        {"cost", json_number(cost)},
-                        {"within_limit_percent", interval_json(within_limit, 100.0)}};
+    return ordered_json{{"factors", json_figures(factors)},
+                        {"cost", json_figure(cost)},
+                        {"within_limit_percent", json_figure(within_limit, 100.0)}};
   };
   return {
-      {"response", name_of(allocation.asked.response)},
-      {"unit", unit_of(allocation.asked.response)},
-      {"limit", convert(allocation.asked.limit)},
-      {"confidence_percent", json_number(100.0 * allocation.asked.confidence)},
-      {"floor", convert(allocation.floor)},
+      {"response", name_of(response)},
+      {"unit", unit_of(response)},
+      {"limit", json_figure(response, allocation.asked.limit)},
+      {"confidence_percent", json_figure(100.0 * allocation.asked.confidence)},
+      {"floor", json_figure(response, allocation.floor)},
       {"attainable", allocation.attainable},
       {"equal", choice_json(allocation.equal, allocation.equal_cost, allocation.equal_fraction)},
       {"cheapest",
@@ -437,10 +420,10 @@ ordered_json unidentified_json(const ConfigurationBudget& arm) {
   for (const UnidentifiedEffect& effect : arm.unidentified)
     list.push_back({{"number", effect.number.number},
                     {"unit", effect.number.unit},
-                    {"spread", json_number(effect.number.spread)},
+                    {"spread", json_figure(effect.number.spread)},
                     {"drawn", effect.number.is_drawn},
-                    {"rms_um", json_number(effect.rms / units::um)},
-                    {"pv_um", json_number(effect.pv / units::um)}});
+                    {"rms_um", json_figure(effect.rms / units::um)},
+                    {"pv_um", json_figure(effect.pv / units::um)}});
   return list;
 }
 
@@ -466,14 +449,14 @@ ordered_json sweep_json(const Study& study, const SweepResult& result) {
     for (std::size_t r = 0; r < result.answers[a].size(); ++r) {
       ordered_json values = ordered_json::array();
       for (const double value : result.answers[a][r])
-        values.push_back(UnitConverter{study.responses[r]}(value));
+        values.push_back(json_figure(study.responses[r], value));
       configuration_entry[name_of(study.responses[r])] = values;
     }
     configurations.push_back(configuration_entry);
   }
   return {{"input", study.inputs[std::size_t(sweep.input)].name},
           {"unit", unit_of(study.inputs[std::size_t(sweep.input)])},
-          {"values", json_numbers(sweep.values)},
+          {"values", json_figures(sweep.values)},
           {"units", units},
           {"arms", configurations}};
 }
@@ -491,7 +474,7 @@ ordered_json to_json(const Budget& budget) {
                       {"response", name_of(proof.response)},
                       {"compared", proof.compared},
                       {"one_sided", proof.one_sided},
-                      {"percent", json_number(proof.percent)}});
+                      {"percent", json_figure(proof.percent)}});
   for (const SweepResult& sweep : budget.sweeps) sweeps.push_back(sweep_json(study, sweep));
   return {{"study", study.title},
           {"engine", name_of(study.engine)},
@@ -500,7 +483,7 @@ ordered_json to_json(const Budget& budget) {
           {"failed_cases", budget.failed},
           {"machine_part", study.subtracts_error_free_map},
           {"step_standard_deviations",
-           study.one_at_a_time ? json_number(study.one_at_a_time->step) : ordered_json()},
+           study.one_at_a_time ? json_figure(study.one_at_a_time->step) : ordered_json()},
           {"inputs", inputs_json(study)},
           {"correlations", correlations_json(study)},
           {"arms", configurations},

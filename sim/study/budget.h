@@ -123,6 +123,18 @@ struct Budget {
   std::vector<std::string> warnings;
 };
 
+// Figures of a budget as JSON; null for a value that is missing or not finite.
+
+nlohmann::ordered_json json_figure(const std::optional<double>& value);
+nlohmann::ordered_json json_figure(const IntervalEstimate& estimate, double factor = 1.0);
+nlohmann::ordered_json json_figures(const Eigen::VectorXd& values);
+/// Return a value of a response in its unit.
+nlohmann::ordered_json json_figure(Response response, const std::optional<double>& value);
+nlohmann::ordered_json json_figure(Response response, const IntervalEstimate& estimate);
+
+/// Returns the figures of the map of a configuration by key; null if it has none.
+nlohmann::ordered_json map_figures(const ConfigurationBudget& arm);
+
 /// Returns the contents of `budget.json`, with keys that are stable for scripts. Values of a
 /// response are in its stated unit ("um", "%"), fractions in keys that end in _percent. Indices,
 /// correlations, factors, Cpk and inputs of unit "1" are dimensionless. Missing values are null.
@@ -195,6 +207,8 @@ struct ParetoBar {
   std::size_t many = 1;  ///< number of inputs, for kind Others
   double share = 0.0;
 };
+/// Number of inputs that budget.json and the page name as the largest of a response.
+inline constexpr std::size_t max_ranked_inputs = 10;
 /// Returns the bars of the largest shares, a bar of the other inputs, and the remainder. They add
 /// up to 1.
 /// @param max_inputs  number of inputs with a bar of their own, at most

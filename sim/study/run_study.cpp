@@ -15,6 +15,7 @@
 #include "sim/scene/table_reader.h"
 #include "sim/study/budget_analysis.h"
 #include "sim/study/configuration.h"
+#include "sim/study/study_charts.h"
 #include "sim/study/study_results.h"
 #include "sim/study/study_text.h"
 
@@ -315,42 +316,59 @@ class ResultWriter {
 
   StudyResult write(const PreparedStudy& ready, const std::vector<Row>& rows) {
     StudyResult result{ordered_json::object(), ""};
-    if (!study_.inputs.empty()) result = write_budget(ready, rows);
+    Budget budget;
+    budget.study = study_;
+    std::vector<ordered_json> maps;
+    std::vector<HistoryResult> days;
+    if (!study_.inputs.empty()) {
+      budget = write_budget(ready, rows);
+      maps = write_maps(ready);
+      result = {to_json(budget), to_text(budget)};
+      for (std::size_t i = 0; i < maps.size(); ++i) result.json["arms"][i].update(maps[i]);
+    }
     if (study_.histories) {
       progress_.begin("histories");
-      const auto results = histories(study_, to(progress_));
-      write_histories(folder_, study_, results);
-      result.json["histories"] = to_json(results);
-      result.text += to_text(with_escaped_names(results));
+      days = histories(study_, to(progress_));
+      write_histories(folder_, study_, days);
+      result.json["histories"] = to_json(days);
+      result.text += to_text(with_escaped_names(days));
     }
     write_file(folder_ / "study.toml", study_.text);
     write_scenes(ready);
+    const FiguresPage page = study_page(budget, maps, days);
+    write_json(folder_ / "page.json", to_json(page));
     write_json(folder_ / "budget.json", result.json);
-    result.warnings = write_page();
+    write_page(page);
+    if (!report_language_.empty()) result.warnings = page_omissions(budget);
     result.text += fmt::format("\nfiles in {}\n", escaped(folder_.path().string()));
     return result;
   }
 
  private:
-  StudyResult write_budget(const PreparedStudy& ready, const std::vector<Row>& rows) {
+  Budget write_budget(const PreparedStudy& ready, const std::vector<Row>& rows) {
     progress_.begin("budget");
-    const Budget budget = compute_budget(ready, rows, to(progress_));
-    StudyResult result{to_json(budget), to_text(budget)};
+    Budget budget = compute_budget(ready, rows, to(progress_));
     write_table(folder_ / "cases.csv", cases_csv(study_, ready.plan, rows));
     write_table(folder_ / "budget.csv", to_csv(budget));
     write_table(folder_ / "budget.md", to_markdown(budget));
     progress_.begin("pictures");
     write_pictures(folder_, budget, to(progress_));
+    return budget;
+  }
+
+  /// Writes the influence files of every configuration.
+  /// @return their entries of `budget.json`
+  std::vector<ordered_json> write_maps(const PreparedStudy& ready) {
     PictureNames names;
+    std::vector<ordered_json> entries;
     for (std::size_t i = 0; i < ready.influences.size(); ++i) {
       progress_.report("maps", double(i) / double(ready.influences.size()));
       const std::string subfolder = study_.configurations.size() == 1
                                         ? ""
                                         : names.unique_name({study_.configurations[i].name});
-      const ResultFolder configuration_folder = folder_.inside(subfolder);
-      result.json["arms"][i].update(write_influence(configuration_folder, ready, i));
+      entries.push_back(write_influence(folder_.inside(subfolder), ready, i));
     }
-    return result;
+    return entries;
   }
 
   /// Writes the scene of each variant with all its defaults and overrides.
@@ -368,16 +386,12 @@ class ResultWriter {
 
   /// Writes the HTML report. If none is requested, that of an earlier run is removed, because it
   /// does not match the new tables.
-  /// @return warnings about omissions
-  std::vector<std::string> write_page() {
+  void write_page(const FiguresPage& page) {
     const ResultFile file = folder_ / "report.html";
-    if (report_language_.empty()) {
-      remove_file(file);
-      return {};
-    }
-    const HtmlReport page = study_page(folder_.path(), report_language_);
-    write_file(file, page.html);
-    return page.warnings;
+    if (report_language_.empty()) return remove_file(file);
+    FiguresPage full_page = with_folder(page, folder_.path());
+    full_page.language = report_language_;
+    write_file(file, page_html(full_page));
   }
 
   const Study& study_;

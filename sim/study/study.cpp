@@ -80,6 +80,18 @@ const char* name_of(Response response) {
       ->name;
 }
 
+const char* name_of(Engine engine) {
+  switch (engine) {
+    case Engine::Influence:
+      return "influence";
+    case Engine::Full:
+      return "full";
+    case Engine::Both:
+      return "both";
+  }
+  return "";
+}
+
 const char* unit_of(Response response) { return response == Response::InTolerance ? "%" : "um"; }
 
 bool is_filtered(Response response) {

@@ -95,6 +95,8 @@ enum class Engine {
   Full,       ///< every case cut
   Both,       ///< influence maps, and some of the cases cut in full to verify them
 };
+/// Returns the name of an engine for files: "influence", "full" or "both".
+const char* name_of(Engine engine);
 
 /// Analysis that changes one input at a time.
 struct OneAtATime {

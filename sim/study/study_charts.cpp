@@ -4,12 +4,10 @@
 #include <cmath>
 #include <functional>
 #include <numeric>
-#include <stdexcept>
 
 #include <fmt/format.h>
 
-#include "sim/report/figures_page.h"
-#include "sim/study/budget.h"
+#include "kinematics/units.h"
 #include "sim/study/study_text.h"
 
 namespace abbe::sim::study {
@@ -20,19 +18,20 @@ using nlohmann::ordered_json;
 
 // One panel per input; more panels would be too small to read.
 constexpr std::size_t max_convergence_panels = 12;
+constexpr std::size_t max_shown_machines = 20000;  // of one response
 
-std::string text_at(const ordered_json& json, const char* key) {
-  return json.at(key).get<std::string>();
+PageText response_label(Response response) {
+  return label_text(std::string("response_") + name_of(response));
 }
 
-PageText response_label(const ordered_json& response) {
-  return label_text("response_" + text_at(response, "response"));
-}
-std::string response_unit(const ordered_json& response) {
-  return display_unit(text_at(response, "unit"));
+std::string input_name(const Study& study, int input) {
+  return one_line(study.inputs[std::size_t(input)].name);
 }
 
-std::string input_name(const ordered_json& input) { return one_line(text_at(input, "name")); }
+/// Returns the unit of an input for display; empty if it is dimensionless.
+std::string input_unit(const Input& input) {
+  return unit_of(input) == "1" ? "" : display_unit(unit_of(input));
+}
 
 /// Returns the unique id of a block.
 /// @param configuration  its index
@@ -42,30 +41,24 @@ std::string block_id(const char* name, std::size_t configuration,
          (response.empty() ? "" : "-" + response);
 }
 
-/// Returns true if any of the rows has a figure under the key.
-bool has_figure(const ordered_json& rows, const char* key) {
-  return std::any_of(rows.begin(), rows.end(),
-                     [&](const ordered_json& row) { return !row.at(key).is_null(); });
-}
-
-/// Returns a number or the value of an estimate; 0 for null.
-double number_or_zero(const ordered_json& json) {
-  const ordered_json& value = json.is_object() ? json.at("value") : json;
-  return value.is_null() ? 0.0 : value.get<double>();
-}
-
-/// Returns the rows sorted by weight, largest first.
-std::vector<ordered_json> sorted_rows(const ordered_json& rows,
-                                      const std::function<double(const ordered_json&)>& weight) {
-  std::vector<ordered_json> sorted(rows.begin(), rows.end());
-  std::stable_sort(sorted.begin(), sorted.end(), [&](const ordered_json& a, const ordered_json& b) {
-    return weight(a) > weight(b);
+/// Returns the indices 0 .. count - 1 sorted by weight, largest first. A weight that is not finite
+/// counts as 0.
+std::vector<std::size_t> sorted_indices(std::size_t count,
+                                        const std::function<double(std::size_t)>& weight) {
+  std::vector<std::size_t> order(count);
+  std::iota(order.begin(), order.end(), std::size_t(0));
+  std::ranges::stable_sort(order, std::greater(), [&](std::size_t i) {
+    return std::isfinite(weight(i)) ? weight(i) : 0.0;
   });
-  return sorted;
+  return order;
 }
 
-double total_index(const ordered_json& contribution) {
-  return number_or_zero(contribution.at("sobol_total"));
+/// Returns the indices of the contributions to a response, the largest total Sobol index first.
+std::vector<std::size_t> by_total_index(const ResponseBudget& response) {
+  return sorted_indices(response.contributions.size(), [&](std::size_t i) {
+    const std::optional<SobolIndex>& sobol = response.contributions[i].sobol;
+    return sobol ? sobol->total.value : 0.0;
+  });
 }
 
 /// Returns a block of bars without rows.
@@ -82,110 +75,120 @@ ordered_json bars_block(const std::string& id, const PageText& title, const std:
 }
 
 /// Adds a row of bars, one for each series.
-void add_bar(ordered_json& block, const PageText& name, const std::vector<ordered_json>& values,
-             const PageText& note = nullptr) {
-  ordered_json row;
-  row["name"] = name;
-  row["values"] = ordered_json::array();
-  for (const ordered_json& value : values) row["values"].push_back(require_figure(value));
-  if (!note.is_null()) row["note"] = note;
-  block["rows"].push_back(row);
+void add_bar(ordered_json& block, const PageText& name, const std::vector<ordered_json>& values) {
+  block["rows"].push_back({{"name", name}, {"values", values}});
 }
 
 /// Returns the table of the figures of all responses.
-ordered_json figures_block(const ordered_json& budget) {
-  const char* response_keys[] = {"base", "root_sum_square", "sum", "worst", "worst_bound"};
-  const char* statistics_keys[] = {"mean", "standard_deviation", "median", "p95", "p99", "min",
-                                   "max"};
+ordered_json figures_block(const Budget& budget) {
   std::vector<PageColumn> columns{
       {label_text("arm"), ""}, {label_text("response"), ""}, {label_text("unit"), ""}};
-  for (const char* key : response_keys) columns.push_back({label_text(key), ""});
-  for (const char* key : statistics_keys)
-    columns.push_back({label_text("machines_" + std::string(key)), ""});
-  columns.push_back({label_text("limit"), ""});
+  for (const char* key : {"base", "root_sum_square", "sum", "worst", "worst_bound", "machines_mean",
+                          "machines_standard_deviation", "machines_median", "machines_p95",
+                          "machines_p99", "machines_min", "machines_max", "limit"})
+    columns.push_back({label_text(key), ""});
   columns.push_back({label_text("within"), "%"});
   columns.push_back({label_text("cpk"), ""});
   ordered_json rows = ordered_json::array();
-  for (const ordered_json& configuration : budget.at("arms"))
-    for (const ordered_json& response : configuration.at("responses")) {
-      ordered_json row = ordered_json::array();
-      row.push_back(text_at(configuration, "name"));
-      row.push_back(response_label(response));
-      row.push_back(response_unit(response));
-      for (const char* key : response_keys) row.push_back(require_figure(response.at(key)));
-      const ordered_json& machines = response.at("monte_carlo");
-      for (const char* key : statistics_keys)
-        row.push_back(machines.is_null() ? ordered_json() : require_figure(machines.at(key)));
-      for (const char* key : {"limit", "within_limit_percent", "cpk"})
-        row.push_back(require_figure(response.at(key)));
-      rows.push_back(row);
+  for (const ConfigurationBudget& configuration : budget.configurations)
+    for (const ResponseBudget& response : configuration.responses) {
+      const auto figure = [&](const auto& value) { return json_figure(response.response, value); };
+      // Returns a statistic of the random machines; null if there are none.
+      const auto statistic = [&](const auto ResponseStatistics::*member) {
+        return response.answers ? figure((*response.answers).*member) : ordered_json();
+      };
+      rows.push_back(ordered_json::array(
+          {configuration.arm.name, response_label(response.response),
+           display_unit(response.response), figure(response.base), figure(response.root_sum_square),
+           figure(response.sum), figure(response.worst), figure(response.worst_bound),
+           statistic(&ResponseStatistics::mean), statistic(&ResponseStatistics::standard_deviation),
+           statistic(&ResponseStatistics::median), statistic(&ResponseStatistics::p95),
+           statistic(&ResponseStatistics::p99), statistic(&ResponseStatistics::min),
+           statistic(&ResponseStatistics::max), figure(response.limit),
+           response.fraction_within ? json_figure(*response.fraction_within, 100.0)
+                                    : ordered_json(),
+           json_figure(response.capability)}));
     }
   ordered_json block = table_block("figures", label_text("study_figures"), columns, rows);
   block["note"] = label_text("study_figures_note");
   return block;
 }
 
+/// Returns the responses of random machines that the page shows, in the unit of the response: all
+/// of them, or every n-th by rank, which preserves the distribution and its extremes.
+std::vector<double> shown_values(const ResponseBudget& response) {
+  std::vector<double> values;
+  for (const double value : response.values) values.push_back(in_unit(response.response, value));
+  if (values.size() <= max_shown_machines) return values;
+  std::ranges::sort(values);
+  std::vector<double> subset;
+  for (std::size_t k = 0; k < max_shown_machines; ++k)
+    subset.push_back(values[k * (values.size() - 1) / (max_shown_machines - 1)]);
+  return subset;
+}
+
 /// Returns the histogram of a response over random machines, with a series for each configuration;
 /// null if there are none.
-ordered_json distribution_block(const ordered_json& budget, const ordered_json& response,
-                                const MachineResponses& responses) {
-  const std::string name = text_at(response, "response");
+/// @param number  of the response
+ordered_json distribution_block(const Budget& budget, std::size_t number) {
+  const Response response = budget.configurations.front().responses[number].response;
   ordered_json block =
-      page_block("histogram", "distribution-" + name,
+      page_block("histogram", std::string("distribution-") + name_of(response),
                  phrase({label_text("distribution"), ": ", response_label(response)}));
   block["x"] = response_label(response);
   block["y"] = label_text("share_of_machines");
-  block["unit"] = response_unit(response);
+  block["unit"] = display_unit(response);
   block["series"] = ordered_json::array();
-  for (const ordered_json& configuration : budget.at("arms"))
-    for (const ordered_json& candidate : configuration.at("responses")) {
-      if (text_at(candidate, "response") != name || candidate.at("monte_carlo").is_null()) continue;
-      const auto values = responses.find(response_column_head(budget, configuration, candidate));
-      if (values == responses.end() || values->second.empty()) continue;
-      ordered_json series{{"name", text_at(configuration, "name")}, {"values", values->second}};
-      series["marks"] = ordered_json::array();
-      for (const char* key : {"mean", "p95"})
-        series["marks"].push_back({{"name", label_text("machines_" + std::string(key))},
-                                   {"value", candidate.at("monte_carlo").at(key).at("value")}});
-      block["series"].push_back(series);
-      if (!candidate.at("limit").is_null()) block["limit"] = candidate.at("limit");
-    }
+  for (const ConfigurationBudget& configuration : budget.configurations) {
+    const ResponseBudget& candidate = configuration.responses[number];
+    if (!candidate.answers) continue;
+    const auto mark = [&](const char* key, const IntervalEstimate& estimate) {
+      return ordered_json{{"name", label_text(key)},
+                          {"value", json_figure(response, estimate.value)}};
+    };
+    block["series"].push_back(
+        {{"name", configuration.arm.name},
+         {"values", shown_values(candidate)},
+         {"marks", ordered_json::array({mark("machines_mean", candidate.answers->mean),
+                                        mark("machines_p95", candidate.answers->p95)})}});
+    if (candidate.limit) block["limit"] = json_figure(response, candidate.limit);
+  }
   return block["series"].empty() ? ordered_json() : block;
 }
 
 /// Returns the charts of a sweep, one for each response.
-ordered_json sweep_block(const ordered_json& sweep, std::size_t number) {
-  const std::string input = one_line(text_at(sweep, "input"));
-  const std::string unit = text_at(sweep, "unit");
+ordered_json sweep_block(const Study& study, const SweepResult& result, std::size_t number) {
+  const Sweep& sweep = study.sweeps[std::size_t(result.sweep)];
+  const std::string name = input_name(study, sweep.input);
+  const std::string unit = input_unit(study.inputs[std::size_t(sweep.input)]);
   ordered_json block = page_block("panels", "sweep-" + std::to_string(number),
-                                  phrase({label_text("sweep"), ": ", input}));
+                                  phrase({label_text("sweep"), ": ", name}));
   block["panels"] = ordered_json::array();
-  for (const auto& [response, unit_name] : sweep.at("units").items()) {
+  for (std::size_t r = 0; r < study.responses.size(); ++r) {
+    const Response response = study.responses[r];
     ordered_json panel;
-    panel["title"] = label_text("response_" + response);
-    panel["x"] = input + (unit == "1" ? "" : " / " + display_unit(unit));
-    panel["y"] = phrase(
-        {label_text("response_" + response), " / " + display_unit(unit_name.get<std::string>())});
+    panel["title"] = response_label(response);
+    panel["x"] = name + (unit.empty() ? "" : " / " + unit);
+    panel["y"] = phrase({response_label(response), " / " + display_unit(response)});
     panel["series"] = ordered_json::array();
-    for (const ordered_json& configuration : sweep.at("arms"))
-      panel["series"].push_back(chart_series(configuration.at("name"), sweep.at("values"),
-                                             configuration.at(response), "both"));
+    for (std::size_t a = 0; a < result.answers.size(); ++a) {
+      ordered_json values = ordered_json::array();
+      for (const double value : result.answers[a][r])
+        values.push_back(json_figure(response, value));
+      panel["series"].push_back(
+          chart_series(study.configurations[a].name, json_figures(sweep.values), values, "both"));
+    }
     block["panels"].push_back(panel);
   }
   return block;
 }
 
 /// Returns the table that compares influence maps with fully cut machines; null if there are none.
-ordered_json proofs_block(const ordered_json& budget) {
+ordered_json proofs_block(const std::vector<Proof>& proofs) {
   ordered_json rows = ordered_json::array();
-  for (const ordered_json& proof : budget.at("proofs")) {
-    ordered_json row = ordered_json::array();
-    row.push_back(text_at(proof, "arm"));
-    row.push_back(response_label(proof));
-    for (const char* key : {"compared", "one_sided", "percent"})
-      row.push_back(require_figure(proof.at(key)));
-    rows.push_back(row);
-  }
+  for (const Proof& proof : proofs)
+    rows.push_back(ordered_json::array({proof.arm, response_label(proof.response), proof.compared,
+                                        proof.one_sided, json_figure(proof.percent)}));
   if (rows.empty()) return {};
   return table_block("proofs", label_text("proofs"),
                      {{label_text("arm"), ""},
@@ -196,27 +199,22 @@ ordered_json proofs_block(const ordered_json& budget) {
                      rows);
 }
 
-/// Returns the table of the days on which a thermal belief was learnt and evaluated.
-ordered_json histories_block(const ordered_json& budget) {
+/// Returns the table of the days on which a thermal belief was learnt and evaluated; null if there
+/// are none.
+ordered_json histories_block(const std::vector<HistoryResult>& histories) {
   ordered_json rows = ordered_json::array();
-  const auto day = [](const ordered_json& result, const char* key) -> PageText {
-    const std::string name = text_at(result, key);
+  const auto day = [](const std::string& name) {
     return name.empty() ? label_text("scene_day") : PageText(name);
   };
-  for (const ordered_json& result : budget.at("histories")) {
-    ordered_json row = ordered_json::array();
-    row.push_back(day(result, "train"));
-    row.push_back(result.at("own_day").get<bool>()
-                      ? phrase({day(result, "test"), " (", label_text("same_day"), ")"})
-                      : day(result, "test"));
-    for (const char* key : {"uncompensated_rms_um", "compensated_rms_um", "reduction_percent"})
-      row.push_back(require_figure(result.at(key)));
-    std::string sensors;
-    for (const ordered_json& sensor : result.at("sensors"))
-      sensors += (sensors.empty() ? "" : ", ") + sensor.get<std::string>();
-    row.push_back(sensors);
-    rows.push_back(row);
-  }
+  for (const HistoryResult& result : histories)
+    rows.push_back(ordered_json::array(
+        {day(result.train),
+         result.is_own_day ? phrase({day(result.test), " (", label_text("same_day"), ")"})
+                           : day(result.test),
+         json_figure(result.uncompensated_rms / units::um),
+         json_figure(result.compensated_rms / units::um), json_figure(result.reduction_percent),
+         fmt::format("{}", fmt::join(result.sensors, ", "))}));
+  if (rows.empty()) return {};
   return table_block("histories", label_text("histories"),
                      {{label_text("learnt_on"), ""},
                       {label_text("judged_on"), ""},
@@ -227,329 +225,366 @@ ordered_json histories_block(const ordered_json& budget) {
                      rows);
 }
 
-std::string shown_um(const ordered_json& value) {
-  return fmt::format("{:.3g} µm", value.get<double>());
-}
+std::string shown_um(double value) { return fmt::format("{:.3g} µm", value / units::um); }
 
-/// Returns the bars of the inputs' contributions to the map.
-ordered_json map_block(const ordered_json& configuration, std::size_t number) {
-  const ordered_json& map = configuration.at("map");
-  if (map.is_null() || map.at("contributions").empty()) return {};
+/// Returns the bars of the inputs' contributions to the map; null if there are none.
+ordered_json map_block(const Study& study, const ConfigurationBudget& configuration,
+                       std::size_t number) {
+  const std::vector<MapContribution>& contributions = configuration.maps;
+  if (contributions.empty()) return {};
   ordered_json block =
-      bars_block(block_id("map", number), label_text("pareto_map"), text_at(configuration, "name"),
+      bars_block(block_id("map", number), label_text("pareto_map"), configuration.arm.name,
                  {label_text("share")}, label_text("share_of_map"), "%");
   block["running"] = true;
-  if (!map.at("rms_um").is_null() && !map.at("mean_rms_um").is_null())
-    block["note"] = phrase({label_text("map_rms"), " ", shown_um(map.at("rms_um")), ", ",
-                            label_text("map_mean_rms"), " ", shown_um(map.at("mean_rms_um"))});
-  for (const ordered_json& contribution :
-       sorted_rows(map.at("contributions"),
-                   [](const ordered_json& c) { return number_or_zero(c.at("share_percent")); }))
-    add_bar(block, one_line(text_at(contribution, "input")), {contribution.at("share_percent")},
-            contribution.at("rms_um").is_null()
-                ? PageText()
-                : PageText("RMS " + shown_um(contribution.at("rms_um"))));
+  if (configuration.map_rms && configuration.map_mean_rms)
+    block["note"] =
+        phrase({label_text("map_rms"), " ", shown_um(*configuration.map_rms), ", ",
+                label_text("map_mean_rms"), " ", shown_um(*configuration.map_mean_rms)});
+  for (const std::size_t i : sorted_indices(
+           contributions.size(), [&](std::size_t k) { return contributions[k].share; })) {
+    add_bar(block, input_name(study, int(i)), {json_figure(100.0 * contributions[i].share)});
+    block["rows"].back()["note"] = "RMS " + shown_um(contributions[i].rms);
+  }
   return block;
 }
 
-/// Returns the label of the basis of a ranking.
-const char* basis_label(const std::string& of) {
-  using Basis = Ranking::Basis;
-  if (of == share_of(Basis::Sobol)) return "share_of_sobol";
-  if (of == share_of(Basis::Change)) return "share_of_change";
-  return "share_of_main_effect";
+/// Returns the key of the label of the basis of a ranking.
+const char* basis_label(Ranking::Basis basis) {
+  if (basis == Ranking::Basis::Sobol) return "share_of_sobol";
+  return basis == Ranking::Basis::Change ? "share_of_change" : "share_of_main_effect";
 }
 
 /// Returns the bars of the largest contributions to a response, of the sum of the other inputs, and
-/// of interactions, which belong to no single input.
-ordered_json ranking_block(const ordered_json& configuration, const ordered_json& response,
-                           std::size_t number) {
-  const ordered_json& ranking = response.at("whose");
-  if (ranking.is_null()) return {};
-  ordered_json block =
-      bars_block(block_id("whose", number, text_at(response, "response")),
-                 phrase({label_text("pareto_response"), ": ", response_label(response)}),
-                 text_at(configuration, "name"), {label_text("share")},
-                 label_text(basis_label(text_at(ranking, "of"))), "%");
-  double remainder = 100.0;
-  for (const ordered_json& contribution : ranking.at("largest")) {
-    add_bar(block, one_line(text_at(contribution, "input")), {contribution.at("share_percent")});
-    remainder -= number_or_zero(contribution.at("share_percent"));
+/// of interactions, which belong to no single input; null if nothing contributes.
+ordered_json ranking_block(const Study& study, const ConfigurationBudget& configuration,
+                           const ResponseBudget& response, std::size_t number) {
+  const Ranking order = ranking(response, study.inputs.size());
+  if (order.basis == Ranking::Basis::None) return {};
+  ordered_json block = bars_block(
+      block_id("whose", number, name_of(response.response)),
+      phrase({label_text("pareto_response"), ": ", response_label(response.response)}),
+      configuration.arm.name, {label_text("share")}, label_text(basis_label(order.basis)), "%");
+  for (const ParetoBar& bar : pareto(order, max_ranked_inputs)) {
+    const bool is_input = bar.kind == ParetoBar::Kind::Input;
+    // The shares add up to 1 only within rounding, so a tiny remainder is not a contribution.
+    if (is_input ? bar.share > 0.0 : bar.share > 1e-11)
+      add_bar(block,
+              is_input                              ? PageText(input_name(study, bar.input))
+              : bar.kind == ParetoBar::Kind::Others ? label_text("other_inputs")
+                                                    : label_text("no_input_alone"),
+              {json_figure(100.0 * bar.share)});
   }
-  const double interactions = number_or_zero(ranking.at("of_no_input_alone_percent"));
-  // The numbers of the file are rounded, so a tiny remainder is not a contribution.
-  if (remainder - interactions > 1e-9)
-    add_bar(block, label_text("other_inputs"), {remainder - interactions});
-  if (interactions != 0.0) add_bar(block, label_text("no_input_alone"), {interactions});
   return block;
 }
 
 /// Returns the bars of the changes by a step of each input to either side, sorted by the larger of
-/// the two.
-ordered_json tornado_block(const ordered_json& budget, const ordered_json& configuration,
-                           const ordered_json& response, std::size_t number) {
-  const ordered_json& contributions = response.at("contributions");
-  if (!has_figure(contributions, "low") && !has_figure(contributions, "high")) return {};
-  const ordered_json& step = budget.at("step_standard_deviations");
-  const std::string step_text = step.is_null() ? "" : fmt::format(" {:g} ", step.get<double>());
+/// the two; null if there are none.
+ordered_json tornado_block(const Study& study, const ConfigurationBudget& configuration,
+                           const ResponseBudget& response, std::size_t number) {
+  const std::vector<Contribution>& contributions = response.contributions;
+  const auto has_change = [](const Contribution& c) { return larger_change(c).has_value(); };
+  if (std::ranges::none_of(contributions, has_change)) return {};
+  const std::string step =
+      study.one_at_a_time ? fmt::format(" {:g} ", study.one_at_a_time->step) : "";
   ordered_json block =
-      bars_block(block_id("tornado", number, text_at(response, "response")),
-                 phrase({label_text("tornado"), ": ", response_label(response)}),
-                 text_at(configuration, "name"),
-                 {phrase({label_text("centre"), " −" + step_text, label_text("deviations")}),
-                  phrase({label_text("centre"), " +" + step_text, label_text("deviations")})},
-                 label_text("change_of_response"), response_unit(response));
-  const auto change_magnitude = [](const ordered_json& c) {
-    return std::max(std::abs(number_or_zero(c.at("low"))), std::abs(number_or_zero(c.at("high"))));
-  };
-  for (const ordered_json& contribution : sorted_rows(contributions, change_magnitude))
-    add_bar(block, one_line(text_at(contribution, "input")),
-            {contribution.at("low"), contribution.at("high")});
+      bars_block(block_id("tornado", number, name_of(response.response)),
+                 phrase({label_text("tornado"), ": ", response_label(response.response)}),
+                 configuration.arm.name,
+                 {phrase({label_text("centre"), " −" + step, label_text("deviations")}),
+                  phrase({label_text("centre"), " +" + step, label_text("deviations")})},
+                 label_text("change_of_response"), display_unit(response.response));
+  for (const std::size_t i : sorted_indices(contributions.size(), [&](std::size_t k) {
+         return larger_change(contributions[k]).value_or(0.0);
+       }))
+    add_bar(block, input_name(study, contributions[i].input),
+            {json_figure(response.response, contributions[i].low),
+             json_figure(response.response, contributions[i].high)});
   return block;
 }
 
+/// Returns true if any contribution to a response has Sobol indices.
+bool has_indices(const ResponseBudget& response) {
+  return std::ranges::any_of(response.contributions,
+                             [](const Contribution& c) { return c.sobol.has_value(); });
+}
+
 /// Returns the dots of the Sobol indices of each input; null if there are none.
-ordered_json indices_block(const ordered_json& configuration, const ordered_json& response,
-                           std::size_t number) {
-  const ordered_json& contributions = response.at("contributions");
-  if (!has_figure(contributions, "sobol_total")) return {};
-  ordered_json block = bars_block(
-      block_id("indices", number, text_at(response, "response")),
-      phrase({label_text("sobol"), ": ", response_label(response)}), text_at(configuration, "name"),
-      {label_text("sobol_total"), label_text("sobol_first")}, label_text("share_of_variance"), "");
+ordered_json indices_block(const Study& study, const ConfigurationBudget& configuration,
+                           const ResponseBudget& response, std::size_t number) {
+  if (!has_indices(response)) return {};
+  ordered_json block =
+      bars_block(block_id("indices", number, name_of(response.response)),
+                 phrase({label_text("sobol"), ": ", response_label(response.response)}),
+                 configuration.arm.name, {label_text("sobol_total"), label_text("sobol_first")},
+                 label_text("share_of_variance"), "");
   block["mark"] = "dot";
   block["note"] = label_text("sobol_note");
-  for (const ordered_json& contribution : sorted_rows(contributions, total_index))
-    add_bar(block, one_line(text_at(contribution, "input")),
-            {contribution.at("sobol_total"), contribution.at("sobol_first")});
+  for (const std::size_t i : by_total_index(response)) {
+    const Contribution& contribution = response.contributions[i];
+    if (contribution.sobol)
+      add_bar(block, input_name(study, contribution.input),
+              {json_figure(contribution.sobol->total), json_figure(contribution.sobol->first)});
+  }
   return block;
 }
 
 /// Returns the series of one index of an input over the number of base points, with its interval.
-ordered_json convergence_series(const ordered_json& steps, std::size_t input, const char* key) {
-  std::vector<std::size_t> x(steps.size());
+ordered_json convergence_series(const IndexConvergence& convergence, std::size_t input,
+                                const char* key, IntervalEstimate SobolIndex::*index) {
+  std::vector<std::size_t> x(convergence.base_points.size());
   std::iota(x.begin(), x.end(), std::size_t(0));
   ordered_json series = chart_series(label_text(key), x, ordered_json::array(), "both");
   series["low"] = series["high"] = ordered_json::array();
-  for (const ordered_json& step : steps) {
-    const ordered_json& index = step.at(key).at(input);
-    series["y"].push_back(index.at("value"));
+  for (const std::vector<SobolIndex>& step : convergence.indices) {
+    const IntervalEstimate& estimate = step[input].*index;
+    series["y"].push_back(json_figure(estimate.value));
     // The intervals of estimates from few points extend far beyond 0 .. 1; unclipped they would
     // determine the scale of the chart.
-    const auto clipped_end = [](const ordered_json& end) -> ordered_json {
-      if (end.is_null()) return nullptr;
-      return std::clamp(end.get<double>(), -0.5, 1.5);
-    };
-    series["low"].push_back(clipped_end(index.at("low")));
-    series["high"].push_back(clipped_end(index.at("high")));
+    series["low"].push_back(json_figure(std::clamp(estimate.low, -0.5, 1.5)));
+    series["high"].push_back(json_figure(std::clamp(estimate.high, -0.5, 1.5)));
   }
   return series;
 }
 
 /// Returns the charts of the Sobol indices over the number of base points, for the inputs with the
 /// largest total indices; null if there are none.
-ordered_json convergence_block(const ordered_json& configuration, const ordered_json& response,
-                               std::size_t number) {
-  const ordered_json& steps = response.at("convergence");
-  if (steps.is_null() || steps.empty()) return {};
+ordered_json convergence_block(const Study& study, const ConfigurationBudget& configuration,
+                               const ResponseBudget& response, std::size_t number) {
+  if (!response.index_convergence || response.index_convergence->base_points.empty()) return {};
+  const IndexConvergence& convergence = *response.index_convergence;
   ordered_json block =
-      page_block("panels", block_id("convergence", number, text_at(response, "response")),
-                 phrase({label_text("convergence"), ": ", response_label(response)}),
-                 text_at(configuration, "name"));
+      page_block("panels", block_id("convergence", number, name_of(response.response)),
+                 phrase({label_text("convergence"), ": ", response_label(response.response)}),
+                 configuration.arm.name);
   block["common_y"] = true;
   block["note"] = label_text("convergence_note");
   block["panels"] = ordered_json::array();
-  const ordered_json& contributions = response.at("contributions");
-  std::vector<std::size_t> order(contributions.size());
-  std::iota(order.begin(), order.end(), std::size_t(0));
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return total_index(contributions[a]) > total_index(contributions[b]);
-  });
+  std::vector<std::size_t> order = by_total_index(response);
   order.resize(std::min(order.size(), max_convergence_panels));
   for (const std::size_t i : order) {
     ordered_json panel;
-    panel["title"] = one_line(text_at(contributions[i], "input"));
+    panel["title"] = input_name(study, response.contributions[i].input);
     panel["x"] = label_text("base_points");
     panel["y"] = label_text("index");
     panel["names"] = ordered_json::array();
-    for (const ordered_json& step : steps) panel["names"].push_back(step.at("base_points").dump());
-    panel["series"] = ordered_json::array();
-    panel["series"].push_back(convergence_series(steps, i, "sobol_total"));
-    panel["series"].push_back(convergence_series(steps, i, "sobol_first"));
+    for (const Eigen::Index count : convergence.base_points)
+      panel["names"].push_back(std::to_string(count));
+    panel["series"] = ordered_json::array(
+        {convergence_series(convergence, i, "sobol_total", &SobolIndex::total),
+         convergence_series(convergence, i, "sobol_first", &SobolIndex::first)});
     block["panels"].push_back(panel);
   }
   return block;
 }
 
 /// Returns the table of all inputs with their figures.
-ordered_json inputs_block(const ordered_json& budget, const ordered_json& configuration,
-                          const ordered_json& response, std::size_t number) {
-  const ordered_json& contributions = response.at("contributions");
-  const std::string unit = response_unit(response);
+ordered_json inputs_block(const Study& study, const ConfigurationBudget& configuration,
+                          const ResponseBudget& response, std::size_t number) {
+  const Eigen::VectorXd centres = centre(study), deviations = spreads(study);
   std::vector<PageColumn> columns{{label_text("input"), ""},
                                   {label_text("unit"), ""},
                                   {label_text("centre"), ""},
                                   {label_text("deviation"), ""}};
-  std::vector<std::string> keys;
-  const auto add = [&](const char* key, const char* column_unit) {
-    if (!has_figure(contributions, key)) return;
-    columns.push_back({label_text("input_" + std::string(key)), column_unit});
-    keys.push_back(key);
-  };
-  for (const char* key : {"low", "high"}) add(key, unit.c_str());
-  for (const char* key : {"sobol_first", "sobol_total", "correlation", "rank_correlation"})
-    add(key, "");
-  add("main_effect_percent", "%");
   ordered_json rows = ordered_json::array();
-  for (std::size_t i = 0; i < contributions.size(); ++i) {
-    const ordered_json& input = budget.at("inputs").at(i);
-    if (text_at(input, "name") != text_at(contributions[i], "input"))
-      throw std::invalid_argument("inputs and contributions are in different order");
-    ordered_json row = ordered_json::array();
-    row.push_back(input_name(input));
-    row.push_back(text_at(input, "unit") == "1" ? "" : display_unit(text_at(input, "unit")));
-    row.push_back(require_figure(input.at("centre")));
-    row.push_back(require_figure(input.at("standard_deviation")));
-    for (const std::string& key : keys) row.push_back(require_figure(contributions[i].at(key)));
-    rows.push_back(row);
-  }
+  for (const Contribution& contribution : response.contributions)
+    rows.push_back(ordered_json::array({input_name(study, contribution.input),
+                                        input_unit(study.inputs[std::size_t(contribution.input)]),
+                                        json_figure(centres[contribution.input]),
+                                        json_figure(deviations[contribution.input])}));
+  // Adds a column, unless no contribution has its figure.
+  const auto add = [&](const char* key, const std::string& unit, const auto& figure) {
+    std::vector<ordered_json> cells;
+    for (const Contribution& contribution : response.contributions)
+      cells.push_back(figure(contribution));
+    if (std::ranges::all_of(cells, [](const ordered_json& cell) { return cell.is_null(); })) return;
+    columns.push_back({label_text(key), unit});
+    for (std::size_t i = 0; i < cells.size(); ++i) rows[i].push_back(cells[i]);
+  };
+  const auto add_index = [&](const char* key, IntervalEstimate SobolIndex::*index) {
+    add(key, "", [&](const Contribution& c) {
+      return c.sobol ? json_figure((*c.sobol).*index) : ordered_json();
+    });
+  };
+  const std::string unit = display_unit(response.response);
+  const auto change = [&](std::optional<double> Contribution::*side) {
+    return [&response, side](const Contribution& c) {
+      return json_figure(response.response, c.*side);
+    };
+  };
+  add("input_low", unit, change(&Contribution::low));
+  add("input_high", unit, change(&Contribution::high));
+  add_index("input_sobol_first", &SobolIndex::first);
+  const std::size_t total_column = columns.size();
+  add_index("input_sobol_total", &SobolIndex::total);
+  add("input_correlation", "", [](const Contribution& c) { return json_figure(c.correlation); });
+  add("input_rank_correlation", "",
+      [](const Contribution& c) { return json_figure(c.rank_correlation); });
+  add("input_main_effect_percent", "%", [](const Contribution& c) {
+    return c.main_effect ? json_figure(100.0 * *c.main_effect) : ordered_json();
+  });
   ordered_json block =
-      table_block(block_id("inputs", number, text_at(response, "response")),
-                  phrase({label_text("every_input"), ": ", response_label(response)}), columns,
-                  rows, text_at(configuration, "name"));
-  // The table is sorted by the total indices; four columns precede those of the keys.
-  const auto sort_key = std::ranges::find(keys, "sobol_total");
-  if (sort_key != keys.end()) block["by"] = 4 + (sort_key - keys.begin());
+      table_block(block_id("inputs", number, name_of(response.response)),
+                  phrase({label_text("every_input"), ": ", response_label(response.response)}),
+                  columns, rows, configuration.arm.name);
+  if (has_indices(response)) block["by"] = total_column;
   return block;
 }
 
 /// Returns the table of the spreads that the inputs must keep, tightest first.
-ordered_json allocation_block(const ordered_json& budget, const ordered_json& configuration,
-                              std::size_t number) {
-  const ordered_json& allocation = configuration.at("allocation");
-  if (allocation.is_null()) return {};
-  const ordered_json &equal = allocation.at("equal"), &cheapest = allocation.at("cheapest");
+ordered_json allocation_block(const Study& study, const Allocation& allocation,
+                              const std::string& group, std::size_t number) {
+  const Response response = allocation.asked.response;
+  const Eigen::VectorXd deviations = spreads(study);
   ordered_json rows = ordered_json::array();
-  for (std::size_t i = 0; i < budget.at("inputs").size(); ++i) {
-    const ordered_json& input = budget.at("inputs")[i];
-    const double spread = input.at("standard_deviation").get<double>();
-    ordered_json row = ordered_json::array();
-    row.push_back(input_name(input));
-    row.push_back(text_at(input, "unit") == "1" ? "" : display_unit(text_at(input, "unit")));
-    row.push_back(spread);
-    for (const ordered_json* method : {&equal, &cheapest}) {
-      const ordered_json& factor = require_figure(method->at("factors").at(i));
-      row.push_back(factor);
-      row.push_back(factor.is_null() ? ordered_json()
-                                     : ordered_json(factor.get<double>() * spread));
+  for (const std::size_t i : sorted_indices(study.inputs.size(), [&](std::size_t k) {
+         return -allocation.cheapest[Eigen::Index(k)];
+       })) {
+    const Eigen::Index k = Eigen::Index(i);
+    ordered_json row = ordered_json::array(
+        {input_name(study, int(i)), input_unit(study.inputs[i]), json_figure(deviations[k])});
+    for (const double factor : {allocation.equal[k], allocation.cheapest[k]}) {
+      row.push_back(json_figure(factor));
+      row.push_back(json_figure(factor * deviations[k]));
     }
     rows.push_back(row);
   }
-  const auto tightness = [](const ordered_json& row) { return -number_or_zero(row.at(5)); };
-  ordered_json block =
-      table_block(block_id("allocation", number),
-                  phrase({label_text("allocation"), ": ", response_label(allocation),
-                          fmt::format(" ≤ {:g} {}, {:g} %", allocation.at("limit").get<double>(),
-                                      response_unit(allocation),
-                                      allocation.at("confidence_percent").get<double>())}),
-                  {{label_text("input"), ""},
-                   {label_text("unit"), ""},
-                   {label_text("deviation"), ""},
-                   {label_text("factor_equal"), ""},
-                   {label_text("deviation_equal"), ""},
-                   {label_text("factor_cheapest"), ""},
-                   {label_text("deviation_cheapest"), ""}},
-                  sorted_rows(rows, tightness), text_at(configuration, "name"));
-  block["note"] =
-      label_text(allocation.at("attainable").get<bool>() ? "allocation_note" : "not_attainable");
+  ordered_json block = table_block(
+      block_id("allocation", number),
+      phrase({label_text("allocation"), ": ", response_label(response),
+              fmt::format(" ≤ {:g} {}, {:g} %", in_unit(response, allocation.asked.limit),
+                          display_unit(response), 100.0 * allocation.asked.confidence)}),
+      {{label_text("input"), ""},
+       {label_text("unit"), ""},
+       {label_text("deviation"), ""},
+       {label_text("factor_equal"), ""},
+       {label_text("deviation_equal"), ""},
+       {label_text("factor_cheapest"), ""},
+       {label_text("deviation_cheapest"), ""}},
+      rows, group);
+  block["note"] = label_text(allocation.attainable ? "allocation_note" : "not_attainable");
   return block;
 }
 
-/// Returns the table of cost and yield of the allocations; null if none was requested.
-ordered_json allocation_totals_block(const ordered_json& configuration, std::size_t number) {
-  const ordered_json& allocation = configuration.at("allocation");
-  if (allocation.is_null()) return {};
-  ordered_json rows = ordered_json::array();
-  for (const char* key : {"equal", "cheapest"}) {
-    ordered_json row = ordered_json::array();
-    row.push_back(label_text("allocation_" + std::string(key)));
-    row.push_back(require_figure(allocation.at(key).at("cost")));
-    row.push_back(require_figure(allocation.at(key).at("within_limit_percent")));
-    row.push_back(require_figure(allocation.at("floor")));
-    rows.push_back(row);
-  }
-  return table_block(block_id("allocation-totals", number), label_text("allocation_totals"),
-                     {{label_text("allocation_way"), ""},
-                      {label_text("cost"), ""},
-                      {label_text("within"), "%"},
-                      {label_text("floor"), response_unit(allocation)}},
-                     rows, text_at(configuration, "name"));
+/// Returns the table of cost and yield of the allocations.
+ordered_json allocation_totals_block(const Allocation& allocation, const std::string& group,
+                                     std::size_t number) {
+  const auto row = [&](const char* key, double cost, const IntervalEstimate& fraction) {
+    return ordered_json::array({label_text(key), json_figure(cost), json_figure(fraction, 100.0),
+                                json_figure(allocation.asked.response, allocation.floor)});
+  };
+  return table_block(
+      block_id("allocation-totals", number), label_text("allocation_totals"),
+      {{label_text("allocation_way"), ""},
+       {label_text("cost"), ""},
+       {label_text("within"), "%"},
+       {label_text("floor"), display_unit(allocation.asked.response)}},
+      ordered_json::array(
+          {row("allocation_equal", allocation.equal_cost, allocation.equal_fraction),
+           row("allocation_cheapest", allocation.cheapest_cost, allocation.cheapest_fraction)}),
+      group);
 }
 
-/// Returns the table of the figures of the influence and uncertainty maps.
-ordered_json map_figures_block(const ordered_json& configuration, std::size_t number) {
+/// Returns the table of the figures of the maps of a configuration; null if there are none.
+/// @param influence  figures of its influence and uncertainty maps
+ordered_json map_figures_block(const ConfigurationBudget& configuration,
+                               const ordered_json& influence, std::size_t number) {
   ordered_json rows = ordered_json::array();
-  for (const char* part : {"map", "influence", "uncertainty"}) {
-    if (!configuration.contains(part) || configuration.at(part).is_null()) continue;
-    for (const auto& [key, value] : configuration.at(part).items()) {
-      if (!value.is_number()) continue;
-      ordered_json row = ordered_json::array();
-      row.push_back(label_text("maps_" + std::string(part)));
-      row.push_back(label_text("maps_" + key));
-      row.push_back(value);
-      rows.push_back(row);
-    }
-  }
+  const auto add = [&](const std::string& map, const ordered_json& figures) {
+    for (const auto& [key, value] : figures.items())
+      if (value.is_number())
+        rows.push_back(
+            ordered_json::array({label_text("maps_" + map), label_text("maps_" + key), value}));
+  };
+  add("map", map_figures(configuration));
+  for (const auto& [map, figures] : influence.items()) add(map, figures);
   if (rows.empty()) return {};
   return table_block(
       block_id("map-figures", number), label_text("map_figures"),
       {{label_text("maps"), ""}, {label_text("figure"), ""}, {label_text("value"), ""}}, rows,
-      text_at(configuration, "name"));
+      configuration.arm.name);
+}
+
+/// Returns the blocks of the budget of all configurations.
+ordered_json budget_blocks(const Budget& budget, const std::vector<ordered_json>& maps) {
+  const Study& study = budget.study;
+  const std::vector<ConfigurationBudget>& configurations = budget.configurations;
+  ordered_json blocks = ordered_json::array({figures_block(budget)});
+  for (std::size_t i = 0; i < configurations.size(); ++i) {
+    blocks.push_back(map_block(study, configurations[i], i));
+    for (const ResponseBudget& response : configurations[i].responses)
+      for (const auto& block : {ranking_block, tornado_block, indices_block})
+        blocks.push_back(block(study, configurations[i], response, i));
+  }
+  for (std::size_t r = 0; r < configurations.front().responses.size(); ++r)
+    blocks.push_back(distribution_block(budget, r));
+  for (std::size_t i = 0; i < configurations.size(); ++i) {
+    if (const std::optional<Allocation>& allocation = configurations[i].allocation) {
+      const std::string& group = configurations[i].arm.name;
+      blocks.push_back(allocation_totals_block(*allocation, group, i));
+      blocks.push_back(allocation_block(study, *allocation, group, i));
+    }
+    for (const ResponseBudget& response : configurations[i].responses)
+      for (const auto& block : {inputs_block, convergence_block})
+        blocks.push_back(block(study, configurations[i], response, i));
+    blocks.push_back(
+        map_figures_block(configurations[i], i < maps.size() ? maps[i] : ordered_json(), i));
+  }
+  for (std::size_t k = 0; k < budget.sweeps.size(); ++k)
+    blocks.push_back(sweep_block(study, budget.sweeps[k], k));
+  blocks.push_back(proofs_block(budget.proofs));
+  return blocks;
+}
+
+/// Returns the command that repeats a study from the files of its page. It uses the saved scene
+/// only without variants, because a saved scene has a single variant.
+std::string study_command(const Study& study) {
+  const bool has_variants = study.inputs.empty() ||
+                            std::ranges::any_of(study.configurations, [](const Configuration& arm) {
+                              return !arm.variant.empty();
+                            });
+  return std::string("abbe study study.toml") + (has_variants ? "" : " --set scene=scene.toml") +
+         " --report";
 }
 
 }  // namespace
 
-std::string response_column_head(const ordered_json& budget, const ordered_json& configuration,
-                                 const ordered_json& response) {
-  const std::string unit = text_at(response, "unit");
-  const std::string figure = text_at(response, "response") + "_" + (unit == "%" ? "percent" : unit);
-  return budget.at("arms").size() == 1 ? figure : text_at(configuration, "name") + " " + figure;
+FiguresPage study_page(const Budget& budget, const std::vector<ordered_json>& maps,
+                       const std::vector<HistoryResult>& histories) {
+  const Study& study = budget.study;
+  FiguresPage page;
+  page.title = study.title;
+  page.command = study_command(study);
+  page.request = {{"study", study.title}};
+  if (!budget.configurations.empty()) {
+    page.blocks = budget_blocks(budget, maps);
+    page.request.insert(page.request.end(),
+                        {{"study_engine", name_of(study.engine)},
+                         {"study_seed", std::to_string(study.seed)},
+                         {"study_cases", std::to_string(budget.cases)},
+                         {"study_failed_cases", std::to_string(budget.failed)},
+                         {"study_inputs", std::to_string(study.inputs.size())}});
+  }
+  page.blocks.push_back(histories_block(histories));
+  page.blocks.erase(std::remove(page.blocks.begin(), page.blocks.end(), nullptr),
+                    page.blocks.end());
+  page.warnings = budget.warnings;
+  for (const HistoryResult& result : histories)
+    page.warnings.insert(page.warnings.end(), result.warnings.begin(), result.warnings.end());
+  const std::vector<std::string> omissions = page_omissions(budget);
+  page.warnings.insert(page.warnings.end(), omissions.begin(), omissions.end());
+  return page;
 }
 
-ordered_json study_blocks(const ordered_json& budget, const MachineResponses& responses) {
-  ordered_json blocks = ordered_json::array();
-  const auto add = [&](const ordered_json& block) {
-    if (!block.is_null()) blocks.push_back(block);
-  };
-  if (budget.contains("arms")) {
-    const ordered_json& configurations = budget.at("arms");
-    add(figures_block(budget));
-    for (std::size_t i = 0; i < configurations.size(); ++i) {
-      add(map_block(configurations[i], i));
-      for (const ordered_json& response : configurations[i].at("responses")) {
-        add(ranking_block(configurations[i], response, i));
-        add(tornado_block(budget, configurations[i], response, i));
-        add(indices_block(configurations[i], response, i));
-      }
-    }
-    if (!configurations.empty())
-      for (const ordered_json& response : configurations[0].at("responses"))
-        add(distribution_block(budget, response, responses));
-    for (std::size_t i = 0; i < configurations.size(); ++i) {
-      add(allocation_totals_block(configurations[i], i));
-      add(allocation_block(budget, configurations[i], i));
-      for (const ordered_json& response : configurations[i].at("responses")) {
-        add(inputs_block(budget, configurations[i], response, i));
-        add(convergence_block(configurations[i], response, i));
-      }
-      add(map_figures_block(configurations[i], i));
-    }
-    for (std::size_t k = 0; k < budget.at("sweeps").size(); ++k)
-      add(sweep_block(budget.at("sweeps")[k], k));
-    add(proofs_block(budget));
-  }
-  if (budget.contains("histories")) add(histories_block(budget));
-  return blocks;
+std::vector<std::string> page_omissions(const Budget& budget) {
+  std::vector<std::string> warnings;
+  for (const ConfigurationBudget& configuration : budget.configurations)
+    for (const ResponseBudget& response : configuration.responses)
+      if (const auto count = std::size_t(response.values.size()); count > max_shown_machines)
+        warnings.push_back(fmt::format(
+            "of {} random machines of {}, {}, the report shows {}, every {:.3g}th by rank", count,
+            configuration.arm.name, response_title(response.response), max_shown_machines,
+            double(count) / double(max_shown_machines)));
+  return warnings;
 }
 
 }  // namespace abbe::sim::study

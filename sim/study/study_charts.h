@@ -1,28 +1,25 @@
 #pragma once
 
-#include <map>
 #include <string>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
+#include "sim/report/figures_page.h"
+#include "sim/study/budget.h"
+#include "sim/study/configuration.h"
+
 namespace abbe::sim::study {
 
-/// Responses of random machines by the heading of their column in cases.csv, in its unit.
-using MachineResponses = std::map<std::string, std::vector<double>>;
+/// Returns the page of a study without the files of its folder: tables and charts of all analyses
+/// that were requested, request, warnings and command. The figures have the same digits as in
+/// budget.json.
+/// @param maps  (configurations) figures of influence and uncertainty maps, from write_influence()
+FiguresPage study_page(const Budget& budget, const std::vector<nlohmann::ordered_json>& maps,
+                       const std::vector<HistoryResult>& histories);
 
-/// Returns the heading of a response's column in cases.csv.
-/// @param budget         contents of budget.json
-/// @param configuration  configuration, from the budget
-/// @param response       from the configuration
-std::string response_column_head(const nlohmann::ordered_json& budget,
-                                 const nlohmann::ordered_json& configuration,
-                                 const nlohmann::ordered_json& response);
-
-/// Returns the tables and charts of a study (sim/report/figures_page.h) from its budget.json, for
-/// all analyses that were requested. The figures have the same digits as in the budget.
-/// @throws nlohmann::json::exception or std::invalid_argument if `budget` is not a budget
-nlohmann::ordered_json study_blocks(const nlohmann::ordered_json& budget,
-                                    const MachineResponses& responses);
+/// Returns the warnings about random machines that the page leaves out: of more than 20 000 it
+/// shows only every n-th by rank.
+std::vector<std::string> page_omissions(const Budget& budget);
 
 }  // namespace abbe::sim::study

@@ -281,126 +281,6 @@ void write_histories(const ResultFolder& folder, [[maybe_unused]] const Study& s
 
 namespace {
 
-constexpr std::size_t max_shown_machines = 20000;  // of one response
-
-/// Reads a CSV file (RFC 4180) record by record.
-class CsvReader {
- public:
-  explicit CsvReader(const path& file) : file_(file), in_(file, std::ios::binary) {
-    if (!in_) throw BadInput(file.string(), 0, 0, "a readable table", "none");
-  }
-
-  /// Returns the fields of the next record; empty at the end of the file.
-  std::optional<std::vector<std::string>> next() {
-    std::vector<std::string> fields(1);
-    bool is_quoted = false, has_bytes = false;
-    for (int c = in_.get(); c != EOF; c = in_.get()) {
-      has_bytes = true;
-      if (c == '"' && is_quoted && in_.peek() == '"')
-        fields.back() += char(in_.get());
-      else if (c == '"')
-        is_quoted = !is_quoted;
-      else if (c == ',' && !is_quoted)
-        fields.emplace_back();
-      else if (c == '\n' && !is_quoted)
-        break;
-      else if (c != '\r' || is_quoted)
-        fields.back() += char(c);
-    }
-    if (!has_bytes) return std::nullopt;
-    ++number_;
-    if (is_quoted) throw_bad_input("a closing quote", "the end of the file");
-    return fields;
-  }
-
-  /// Throws BadInput at the current record.
-  [[noreturn]] void throw_bad_input(const std::string& expected, const std::string& seen) const {
-    throw BadInput(file_.string(), number_, 0, expected, seen);
-  }
-
- private:
-  path file_;
-  std::ifstream in_;
-  int number_ = 0;  ///< of the current record, from 1
-};
-
-/// Returns the responses of random machines. Machines without a response are left out.
-/// @param heads  headings of the columns
-MachineResponses read_responses(const path& file, const std::vector<std::string>& heads) {
-  CsvReader reader(file);
-  const auto names = reader.next();
-  if (!names) reader.throw_bad_input("the header of a table of cases", "nothing");
-  const auto column = [&](const std::string& name) {
-    const auto match = std::ranges::find(*names, name);
-    if (match == names->end()) reader.throw_bad_input("a column " + name, "no such column");
-    return std::size_t(match - names->begin());
-  };
-  const std::size_t analysis = column("analysis");
-  std::vector<std::size_t> columns;
-  for (const std::string& head : heads) columns.push_back(column(head));
-  MachineResponses responses;
-  while (const auto fields = reader.next()) {
-    if (fields->size() != names->size())
-      reader.throw_bad_input(fmt::format("{} fields", names->size()),
-                             std::to_string(fields->size()));
-    if ((*fields)[analysis] != "monte_carlo") continue;
-    for (std::size_t k = 0; k < columns.size(); ++k) {
-      const std::string& field = (*fields)[columns[k]];
-      if (field.empty()) continue;
-      const auto value = number_of(field);
-      if (!value) reader.throw_bad_input("a number", quoted_excerpt(field));
-      responses[heads[k]].push_back(*value);
-    }
-  }
-  return responses;
-}
-
-/// Returns the values that the report shows: all of them, or every n-th by rank, which preserves
-/// the distribution and its extremes.
-std::vector<double> shown_values(std::vector<double> values) {
-  if (values.size() <= max_shown_machines) return values;
-  std::ranges::sort(values);
-  std::vector<double> subset;
-  for (std::size_t k = 0; k < max_shown_machines; ++k)
-    subset.push_back(values[k * (values.size() - 1) / (max_shown_machines - 1)]);
-  return subset;
-}
-
-/// Returns the headings of the columns with responses of random machines.
-std::vector<std::string> response_column_heads(const ordered_json& budget) {
-  std::vector<std::string> heads;
-  if (!budget.contains("arms")) return heads;
-  for (const ordered_json& configuration : budget.at("arms"))
-    for (const ordered_json& response : configuration.at("responses"))
-      if (!response.at("monte_carlo").is_null())
-        heads.push_back(response_column_head(budget, configuration, response));
-  return heads;
-}
-
-/// Returns the responses of random machines for the page. Appends warnings about omissions.
-MachineResponses page_responses(const path& folder, const ordered_json& budget,
-                                std::vector<std::string>& warnings) {
-  const std::vector<std::string> heads = response_column_heads(budget);
-  if (heads.empty()) return {};
-  const path file = folder / "cases.csv";
-  if (!std::filesystem::exists(file)) {
-    warnings.push_back(
-        "the distribution of random machines is omitted from the report: the folder has no "
-        "cases.csv");
-    return {};
-  }
-  MachineResponses responses = read_responses(file, heads);
-  for (auto& [head, values] : responses) {
-    const std::size_t count = values.size();
-    values = shown_values(std::move(values));
-    if (values.size() < count)
-      warnings.push_back(
-          fmt::format("of {} random machines of {} the report shows {}, every {:.3g}th by rank",
-                      count, head, values.size(), double(count) / double(values.size())));
-  }
-  return responses;
-}
-
 /// Returns the pictures of maps in the folder and in the folders of its configurations, sorted by
 /// name.
 std::vector<path> map_pictures(const path& folder) {
@@ -420,68 +300,9 @@ std::vector<path> map_pictures(const path& folder) {
   return files;
 }
 
-std::string plain_text(const ordered_json& value) {
-  return value.is_string() ? value.get<std::string>() : value.dump();
-}
+}  // namespace
 
-/// Adds the request to the page: study, engine, seed, numbers of cases and inputs, folder.
-void add_request(FiguresPage& page, const ordered_json& budget, const path& folder) {
-  page.request.push_back({"study", page.title});
-  for (const char* key : {"engine", "seed", "cases", "failed_cases"})
-    if (budget.contains(key))
-      page.request.push_back({"study_" + std::string(key), plain_text(budget.at(key))});
-  if (budget.contains("inputs"))
-    page.request.push_back({"study_inputs", std::to_string(budget.at("inputs").size())});
-  page.request.push_back({"folder", std::filesystem::absolute(folder).lexically_normal().string()});
-}
-
-/// Returns true if the budget has a configuration of a variant of the scene, or none at all.
-bool has_variants(const ordered_json& budget) {
-  if (!budget.contains("arms")) return true;
-  return std::ranges::any_of(budget.at("arms"), [](const ordered_json& configuration) {
-    return !configuration.at("variant").get<std::string>().empty();
-  });
-}
-
-/// Adds the files for download and the command that uses them. The command uses the saved scene
-/// only without variants, because a saved scene has a single variant.
-void add_files(FiguresPage& page, const ordered_json& budget, const path& folder) {
-  for (const char* name : {"study.toml", "scene.toml", "budget.json", "budget.csv", "budget.md"})
-    if (std::filesystem::exists(folder / name))
-      page.files.push_back({name, read_text(folder / name, max_saved_bytes)});
-  const bool has_scene = std::filesystem::exists(folder / "scene.toml") && !has_variants(budget);
-  page.command = std::string("abbe study study.toml") +
-                 (has_scene ? " --set scene=scene.toml" : "") + " --report";
-}
-
-/// Adds the warnings of the budget, and one if budget.json was changed after it was written.
-void add_warnings(FiguresPage& page, const ordered_json& budget, const path& folder) {
-  if (budget.contains("warnings"))
-    for (const ordered_json& warning : budget.at("warnings"))
-      page.warnings.push_back(warning.get<std::string>());
-  if (budget.contains("histories"))
-    for (const ordered_json& result : budget.at("histories"))
-      for (const ordered_json& warning : result.at("warnings"))
-        page.warnings.push_back(warning.get<std::string>());
-  const Manifest mark = read_manifest(folder);
-  if (!writing_command(mark, folder / "budget.json"))
-    page.warnings.push_back(
-        "budget.json was changed after abbe study wrote it, or the manifest of its folder is "
-        "missing");
-}
-
-/// Returns the page of a budget.
-/// @throws std::invalid_argument if it is not the budget of a study
-HtmlReport budget_page(const ordered_json& budget, const path& folder,
-                       const std::string& language) {
-  if (!budget.is_object() || !(budget.contains("arms") || budget.contains("histories")))
-    throw std::invalid_argument("JSON of another kind");
-  HtmlReport report;
-  FiguresPage page;
-  page.language = language;
-  page.title = budget.contains("study") ? budget.at("study").get<std::string>()
-                                        : std::filesystem::absolute(folder).filename().string();
-  page.blocks = study_blocks(budget, page_responses(folder, budget, report.warnings));
+FiguresPage with_folder(FiguresPage page, const path& folder) {
   ordered_json maps =
       pictures_block("influence-maps", label_text("influence_maps"), folder, map_pictures(folder));
   if (!maps.is_null()) {
@@ -489,29 +310,30 @@ HtmlReport budget_page(const ordered_json& budget, const path& folder,
     page.blocks.insert(
         page.blocks.begin() + std::ptrdiff_t(std::min<std::size_t>(page.blocks.size(), 2)), maps);
   }
-  add_request(page, budget, folder);
-  add_warnings(page, budget, folder);
-  page.warnings.insert(page.warnings.end(), report.warnings.begin(), report.warnings.end());
-  add_files(page, budget, folder);
-  report.html = page_html(page);
-  return report;
+  page.request.push_back({"folder", std::filesystem::absolute(folder).lexically_normal().string()});
+  const Manifest manifest = read_manifest(folder);
+  for (const char* name : {"page.json", "budget.json"})
+    if (!writing_command(manifest, folder / name))
+      page.warnings.push_back(
+          fmt::format("{} was changed after abbe study wrote it, or the manifest of its folder is "
+                      "missing",
+                      name));
+  for (const char* name : {"study.toml", "scene.toml", "budget.json", "budget.csv", "budget.md"})
+    if (std::filesystem::exists(folder / name))
+      page.files.push_back({name, read_text(folder / name, max_saved_bytes)});
+  return page;
 }
-
-}  // namespace
 
 bool has_study(const path& folder) { return std::filesystem::exists(folder / "budget.json"); }
 
-HtmlReport study_page(const path& folder, const std::string& language) {
-  const path file = folder / "budget.json";
+FiguresPage saved_study_page(const path& folder) {
+  const path file = folder / "page.json";
   if (!std::filesystem::exists(file))
-    throw BadInput(folder.string(), 0, 0, "the folder of a finished study, with its budget.json",
-                   "no such column");
-  HtmlReport report;
-  read_saved_json(file, "the budget of a study written by abbe study, with arms or histories",
-                  [&](const ordered_json& budget, const std::string&) {
-                    report = budget_page(budget, folder, language);
-                  });
-  return report;
+    throw BadInput(folder.string(), 0, 0,
+                   "the folder of a finished study with its page.json; run abbe study --report "
+                   "again, with another --out",
+                   "the folder of a version of abbe that saved no page.json");
+  return with_folder(read_page(file), folder);
 }
 
 }  // namespace abbe::sim::study

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/files/output.h"
-#include "sim/report/case_page.h"
+#include "sim/report/figures_page.h"
 #include "sim/study/case_plan.h"
 #include "sim/study/configuration.h"
 
@@ -34,12 +34,14 @@ void write_histories(const ResultFolder& folder, const Study& study,
 /// Returns true if a folder holds the budget of a finished study.
 bool has_study(const std::filesystem::path& folder);
 
-/// Returns the HTML report of a finished study from the files in `folder`: budget.json, the random
-/// machines of cases.csv, study.toml and pictures of its maps. Of more than 20 000 random machines
-/// only every n-th by rank is included; a warning says so.
-/// @param language  language in which it opens, "en" or "zh"
-/// @throws BadInput for a folder without a finished study, and for a budget or table that is
-/// damaged or not that of a study; names the file, what was expected and what was found
-HtmlReport study_page(const std::filesystem::path& folder, const std::string& language = "en");
+/// Adds to the page of a study what its folder holds: pictures of maps, files for download, the
+/// name of the folder, and warnings about files that were changed after they were written.
+/// @throws BadInput if a file cannot be read
+FiguresPage with_folder(FiguresPage page, const std::filesystem::path& folder);
+
+/// Returns the page of a finished study from `page.json` and the other files in `folder`.
+/// @throws BadInput for a folder without page.json, and for a page.json that is damaged or not a
+/// page; names the file, what was expected and what was found
+FiguresPage saved_study_page(const std::filesystem::path& folder);
 
 }  // namespace abbe::sim::study

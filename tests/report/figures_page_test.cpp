@@ -4,7 +4,9 @@
 #include "sim/report/figures_page.h"
 #include <nlohmann/json.hpp>
 #include <regex>
+#include "kinematics/bad_input.h"
 #include "sim/report/page_template.h"
+#include "tests/injured.h"
 #include "tests/safety/program_run.h"
 #include "tests/test.h"
 
@@ -203,30 +205,73 @@ TEST_F(StudyPages, AStudyWithoutAPageTakesAnOldOneAway) {
 TEST_F(StudyPages, ABrokenOrForeignFolderIsRefusedByFile) {
   const fs::path broken = folder->path / "broken";
   fs::create_directories(broken);
+  put(broken / "budget.json", budget.dump());
+  const safety::Ran older = safety::run("report " + broken.string());
+  EXPECT_EQ(older.code, 3);
+  EXPECT_HAS(older.text, "page.json; run abbe study --report again");
   const auto refused = [&](const std::string& text, const std::string& expected) {
-    put(broken / "budget.json", text);
+    put(broken / "page.json", text);
     const safety::Ran ran = safety::run("report " + broken.string());
     EXPECT_EQ(ran.code, 3) << ran.text;
-    EXPECT_HAS(ran.text, "budget.json: expected");
+    EXPECT_HAS(ran.text, "page.json: expected a page written by abbe");
     EXPECT_HAS(ran.text, expected);
     EXPECT_FALSE(fs::exists(broken / "report.html"));
   };
   refused("{", "text that is not JSON");
-  refused("[]", "JSON of another kind");
-  refused("{\"arms\": 3}", "written by abbe study");
-  ordered_json other = budget;
-  other["arms"][0]["responses"][0].erase("contributions");
-  refused(other.dump(), "contributions");
-  other = budget;
-  other["arms"][0]["responses"][0]["base"] = "much";
-  refused(other.dump(), "not a figure");
-  put(broken / "budget.json", budget.dump());
-  put(broken / "cases.csv", "case,analysis,pv_um\n1,monte_carlo,2\n");
-  const safety::Ran table = safety::run("report " + broken.string());
-  EXPECT_EQ(table.code, 3);
-  EXPECT_HAS(table.text, "cases.csv:1: expected a column rms_um");
-  put(broken / "cases.csv", "case,analysis,pv_um,rms_um\n1,monte_carlo,2,x\n");
-  EXPECT_HAS(safety::run("report " + broken.string()).text, "expected a number");
+  refused("[]", "array");
+  refused(budget.dump(), "title");
+  refused(std::string(1000, '[') + std::string(1000, ']'), "nested brackets");
+  const ordered_json page = ordered_json::parse(whole(out / "page.json"));
+  for (const auto& [key, value] : page.items()) {
+    ordered_json other = page;
+    other.erase(key);
+    refused(other.dump(), key);
+    other[key] = 3;
+    refused(other.dump(), key == "blocks" ? "type" : "type must be");
+  }
+  const auto changed = [&](const std::string& pointer, const ordered_json& value) {
+    ordered_json other = page;
+    other[ordered_json::json_pointer(pointer)] = value;
+    return other.dump();
+  };
+  refused(changed("/blocks/0/id", 3), "type must be string");
+  refused(changed("/blocks/0/title/label", "nonsense"), "no label nonsense");
+  refused(changed("/request/0/0", "nonsense\"><script>"), "no label nonsense");
+  const std::size_t mean = column(block(index, "figures"), "machines_mean");
+  const std::string cell = "/blocks/0/rows/0/" + std::to_string(mean);
+  refused(changed(cell + "/value", "much"), "not a figure");
+  refused(changed(cell + "/value", "\"><img src=x onerror=alert(1)>"), "not a figure");
+  refused(changed("/blocks/0/src", "x\" onerror=\"alert(1)"), "picture");
+}
+
+TEST_F(StudyPages, AChangedPageIsSaidAndAnInjuredOneIsHarmless) {
+  const fs::path copy = folder->path / "injured";
+  fs::copy(out, copy, fs::copy_options::recursive);
+  fs::remove(copy / "report.html");
+  ordered_json page = ordered_json::parse(whole(out / "page.json"));
+  const std::string script = "</script></title><script>alert(1)</script>";
+  page["title"] = page["command"] = page["warnings"][0] = page["blocks"][0]["rows"][0][0] = script;
+  put(copy / "page.json", page.dump());
+  const safety::Ran ran = safety::run("report " + copy.string());
+  ASSERT_EQ(ran.code, 0) << ran.text;
+  const std::string html = whole(copy / "report.html");
+  EXPECT_EQ(html.find("<script>alert"), std::string::npos);
+  EXPECT_HAS(html, "page.json was changed after abbe study wrote it");
+  EXPECT_EQ(html.find("budget.json was changed"), std::string::npos);
+
+  std::mt19937 random(1);
+  int shown = 0;
+  for (int k = 0; k < 300; ++k) {
+    put(copy / "page.json", injured(page.dump(), "\"{}[]:,<>/\\0null", 4, random));
+    try {
+      const std::string text = page_html(read_page(copy / "page.json"));
+      EXPECT_EQ(text.find("<script>alert"), std::string::npos) << k;
+      ++shown;
+    } catch (const BadInput&) {
+    }
+  }
+  EXPECT_GT(shown, 0);
+  EXPECT_LT(shown, 300);
 }
 
 // --- an identification

@@ -43,7 +43,7 @@ using Tables = std::vector<std::string>;
 
 Tables tables(const fs::path& out) {
   Tables all;
-  for (const char* name : {"cases.csv", "budget.csv", "budget.json", "budget.md"})
+  for (const char* name : {"cases.csv", "budget.csv", "budget.json", "budget.md", "page.json"})
     all.push_back(text_of(out / name));
   return all;
 }
