@@ -192,7 +192,8 @@ namespace {
 
 /// Returns all files that an identification writes.
 std::vector<std::filesystem::path> output_files(const BeliefFiles& files) {
-  std::vector<std::filesystem::path> paths{files.belief, files.report, files.picture};
+  std::vector<std::filesystem::path> paths{files.belief, files.report, files.picture,
+                                           identification_page_file(files.report)};
   if (files.thermal) paths.push_back(*files.thermal);
   return paths;
 }
@@ -234,6 +235,9 @@ IdentificationResult identify(const std::vector<std::filesystem::path>& files,
   write_json(result_file(outputs.report, writer), to_json(result));
   if (outputs.thermal)
     write_table(result_file(*outputs.thermal, writer), thermal_half_file_text(result));
+  FiguresPage page = identification_page(result);
+  page.command = options.permissions.command;
+  write_json(result_file(identification_page_file(outputs.report), writer), to_json(page));
   // Only the chain method fits curves.
   const auto* fit = std::get_if<ChainFit>(&result.fit);
   if (!fit || fit->curves.empty()) return result;
@@ -327,8 +331,7 @@ Exit print_identification(const CommonOptions& common, IdentifyArguments argumen
     figures.command = common.permissions.command;
     write_file(result_file(page, writer), page_html(figures));
   } else {
-    remove_file(result_file(page, writer));  // a page of an earlier identification would describe
-                                             // another belief
+    remove_file(result_file(page, writer));  // an earlier page would describe another belief
   }
   print("{}", MultilineText(common.json ? json_text(to_json(identified))
                                         : identification_text(identified)));
@@ -410,14 +413,15 @@ EvaluationOutcome evaluate(const std::filesystem::path& file, const EvaluateOpti
   outcome.pictures = evaluation.part ? write_part_picture(folder, *evaluation.part, file.string())
                                      : write_test_pictures(folder, evaluation.tests, file.string());
   write_json(json, to_json(evaluation, outcome.pictures));
+  FiguresPage page = evaluation_page(evaluation);
+  page.command = options.permissions.command;
+  write_json(folder / "page.json", to_json(page));
   if (options.report_language.empty()) {
-    remove_file(folder / "report.html");  // a page of an earlier evaluation would show other
-                                          // readings
+    remove_file(folder / "report.html");  // an earlier page would show other readings
     return outcome;
   }
-  FiguresPage page = evaluation_page(evaluation);
   page.language = options.report_language;
-  page.command = options.permissions.command;
+  page.files = page_files({file, json.path()});
   write_file(folder / "report.html", page_html(page));
   return outcome;
 }

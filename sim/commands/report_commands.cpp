@@ -21,7 +21,6 @@
 #include "sim/files/terminal.h"
 #include "sim/loop/compensate.h"
 #include "sim/report/case_page.h"
-#include "sim/report/evaluation_report.h"
 #include "sim/report/identification_page.h"
 #include "sim/report/picture_files.h"
 #include "sim/report/rendered_result.h"
@@ -61,12 +60,9 @@ HtmlReport result_page(const std::filesystem::path& results, const std::string& 
   if (is_folder && !is_study && has_saved_cases(results))
     return saved_results_page(results, language);
   FiguresPage page = is_study    ? study::saved_study_page(results)
-                     : is_folder ? evaluation_page(results)
-                                 : identification_page(results);
+                     : is_folder ? read_page(results / "page.json", {results / "evaluation.json"})
+                                 : saved_identification_page(results);
   page.language = language;
-  if (!is_study)
-    page.command =
-        is_folder ? "abbe evaluate READINGS --report" : "abbe identify READINGS --report";
   return {page_html(page), page.warnings};
 }
 

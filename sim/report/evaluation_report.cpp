@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <type_traits>
 
 #include <fmt/format.h>
@@ -11,7 +12,6 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
-#include "sim/files/json_files.h"
 #include "sim/files/output.h"
 #include "sim/files/terminal.h"
 #include "sim/report/figures_page.h"
@@ -384,37 +384,36 @@ ordered_json json_list(const VectorXd& values) {
   return list;
 }
 
-/// Collects nested figures under names such as "causes: radius_um".
-void flatten(const ordered_json& json, const std::string& within,
-             std::vector<std::pair<std::string, ordered_json>>& figures) {
-  for (const auto& [key, value] : json.items()) {
-    if (within.empty() && (key == "name" || key == "standard" || key == "diagonals")) continue;
-    const std::string name = within.empty() ? key : within + ": " + key;
-    if (value.is_object())
-      flatten(value, name, figures);
-    else if (value.is_array()) {
-      std::string text;
-      for (const ordered_json& element : value)
-        text += (text.empty() ? "" : ", ") + (element.is_string()
-                                                  ? element.get<std::string>()
-                                                  : fmt::format("{:.6g}", element.get<double>()));
-      figures.emplace_back(name, text);
-    } else if (value.is_boolean()) {
-      figures.emplace_back(name, label_text(value.get<bool>() ? "yes" : "no"));
+/// Collects figures under names such as "causes: radius_um".
+void add_rows(const std::vector<Figure>& figures, const std::vector<FigureGroup>& groups,
+              const std::string& within, std::vector<std::pair<std::string, ordered_json>>& rows) {
+  for (const Figure& figure : figures) {
+    const std::string name = within + make_key(figure);
+    if (const auto* estimate = std::get_if<EstimatedValue>(&figure.value)) {
+      rows.emplace_back(name + ": value", estimate->value);
+      rows.emplace_back(name + ": standard_uncertainty", estimate->u);
+    } else if (const auto* texts = std::get_if<std::vector<std::string>>(&figure.value)) {
+      rows.emplace_back(name, fmt::format("{}", fmt::join(*texts, ", ")));
+    } else if (const auto* vector = std::get_if<Eigen::Vector3d>(&figure.value)) {
+      rows.emplace_back(name, fmt::format("{:.6g}", fmt::join(*vector, ", ")));
+    } else if (const auto* answer = std::get_if<bool>(&figure.value)) {
+      rows.emplace_back(name, label_text(*answer ? "yes" : "no"));
     } else {
-      figures.emplace_back(name, value);
+      rows.emplace_back(name, value_json(figure));
     }
   }
+  for (const FigureGroup& group : groups)
+    add_rows(group.figures, group.groups, within + group.name + ": ", rows);
 }
 
 /// Returns a table of tests by one standard, with a row for each figure and a column for each test.
-ordered_json standard_block(const std::vector<const ordered_json*>& tests, std::size_t number) {
+ordered_json standard_block(std::span<const TestResult> tests, std::size_t number) {
   std::vector<PageColumn> columns{{label_text("figure"), ""}};
   std::vector<std::string> names;
   std::vector<std::vector<std::pair<std::string, ordered_json>>> figures_by_test;
-  for (const ordered_json* test : tests) {
-    columns.push_back({test->at("name").get<std::string>(), ""});
-    flatten(*test, "", figures_by_test.emplace_back());
+  for (const TestResult& test : tests) {
+    columns.push_back({test.name, ""});
+    add_rows(test.figures, test.groups, "", figures_by_test.emplace_back());
     for (const auto& [name, value] : figures_by_test.back())
       if (std::ranges::find(names, name) == names.end()) names.push_back(name);
   }
@@ -429,48 +428,36 @@ ordered_json standard_block(const std::vector<const ordered_json*>& tests, std::
     }
     rows.push_back(row);
   }
-  return table_block("standard-" + std::to_string(number),
-                     tests.front()->at("standard").get<std::string>(), columns, rows);
+  return table_block("standard-" + std::to_string(number), tests.front().standard, columns, rows);
 }
 
 /// Adds the tables of all standards. A table wider than the page is continued in another one.
-void add_standards(ordered_json& blocks, const ordered_json& tests) {
+void add_standards(ordered_json& blocks, const std::vector<TestResult>& tests) {
   constexpr std::size_t max_columns = 8;
   std::vector<std::string> standards;
-  for (const ordered_json& test : tests) {
-    const auto name = test.at("standard").get<std::string>();
-    if (std::ranges::find(standards, name) == standards.end()) standards.push_back(name);
-  }
+  for (const TestResult& test : tests)
+    if (std::ranges::find(standards, test.standard) == standards.end())
+      standards.push_back(test.standard);
   std::size_t number = 0;
   for (const std::string& standard : standards) {
-    std::vector<const ordered_json*> matches;
-    for (const ordered_json& test : tests)
-      if (test.at("standard").get<std::string>() == standard) matches.push_back(&test);
-    for (std::size_t first = 0; first < matches.size(); first += max_columns) {
-      const auto count = std::min(max_columns, matches.size() - first);
-      const auto begin = matches.begin() + std::ptrdiff_t(first);
-      blocks.push_back(standard_block({begin, begin + std::ptrdiff_t(count)}, number++));
-    }
+    std::vector<TestResult> matches;
+    std::ranges::copy_if(tests, std::back_inserter(matches),
+                         [&](const TestResult& test) { return test.standard == standard; });
+    for (std::size_t first = 0; first < matches.size(); first += max_columns)
+      blocks.push_back(standard_block(
+          std::span(matches).subspan(first, std::min(max_columns, matches.size() - first)),
+          number++));
   }
-  for (const ordered_json& test : tests)
-    if (test.contains("diagonals")) {
-      std::vector<const ordered_json*> diagonals;
-      for (const ordered_json& diagonal : test.at("diagonals")) diagonals.push_back(&diagonal);
-      if (!diagonals.empty()) blocks.push_back(standard_block(diagonals, number++));
-    }
+  for (const TestResult& test : tests)
+    if (!test.diagonals.empty()) blocks.push_back(standard_block(test.diagonals, number++));
 }
 
 /// Adds the table of the temperature ranges during the readings.
-void add_temperatures(ordered_json& blocks, const ordered_json& evaluation) {
-  if (!evaluation.contains("temperatures")) return;
+void add_temperatures(ordered_json& blocks, const std::vector<Evaluation::Temperatures>& ranges) {
+  if (ranges.empty()) return;
   ordered_json rows = ordered_json::array();
-  for (const auto& [sensor, range] : evaluation.at("temperatures").items()) {
-    ordered_json row = ordered_json::array();
-    row.push_back(sensor);
-    row.push_back(require_figure(range.at("min_C")));
-    row.push_back(require_figure(range.at("max_C")));
-    rows.push_back(row);
-  }
+  for (const Evaluation::Temperatures& range : ranges)
+    rows.push_back(ordered_json::array({range.sensor, range.min_C, range.max_C}));
   blocks.push_back(table_block("temperatures", label_text("temperatures"),
                                {{label_text("sensor"), ""},
                                 {label_text("machines_min"), "°C"},
@@ -618,60 +605,19 @@ void add_part(ordered_json& blocks, const PartReadingsFile& part) {
   blocks.push_back(block);
 }
 
-/// Returns the page without charts: the JSON of an evaluation has tables, temperatures and
-/// warnings, but no readings.
-FiguresPage evaluation_document(const ordered_json& evaluation) {
-  FiguresPage page;
-  page.title = evaluation.at("file").get<std::string>();
-  page.request = {{"file", page.title}, {"kind", evaluation.at("kind").get<std::string>()}};
-  add_standards(page.blocks, evaluation.at("tests"));
-  add_temperatures(page.blocks, evaluation);
-  if (evaluation.contains("warnings"))
-    for (const ordered_json& warning : evaluation.at("warnings"))
-      page.warnings.push_back(warning.get<std::string>());
-  return page;
-}
-
-/// Returns the PNG files of a folder, sorted.
-std::vector<std::filesystem::path> png_files(const std::filesystem::path& folder) {
-  std::vector<std::filesystem::path> files;
-  for (const auto& entry : std::filesystem::directory_iterator(folder))
-    if (entry.is_regular_file() && entry.path().extension() == ".png")
-      files.push_back(entry.path());
-  std::ranges::sort(files);
-  return files;
-}
-
 }  // namespace
 
 FiguresPage evaluation_page(const Evaluation& evaluation) {
-  const ordered_json json = to_json(evaluation, {});
-  FiguresPage page = evaluation_document(json);
+  FiguresPage page;
+  page.title = evaluation.file.string();
+  page.request = {{"file", page.title}, {"kind", evaluation.kind}};
+  page.warnings = evaluation.warnings;
+  add_standards(page.blocks, evaluation.results);
+  add_temperatures(page.blocks, evaluation.temperatures);
   add_positions(page.blocks, evaluation.tests);
   add_circles(page.blocks, evaluation.tests);
   add_drifts(page.blocks, evaluation.tests);
   if (evaluation.part) add_part(page.blocks, *evaluation.part);
-  page.files.push_back(
-      {evaluation.file.filename().string(), read_text(evaluation.file, max_saved_bytes)});
-  page.files.push_back({"evaluation.json", json_text(json)});
-  return page;
-}
-
-FiguresPage evaluation_page(const std::filesystem::path& folder) {
-  FiguresPage page;
-  read_saved_json(
-      folder / "evaluation.json", "an evaluation written by abbe evaluate",
-      [&](const ordered_json& evaluation, const std::string& text) {
-        page = evaluation_document(evaluation);
-        if (const ordered_json pictures =
-                pictures_block("pictures", label_text("pictures"), folder, png_files(folder));
-            !pictures.is_null())
-          page.blocks.push_back(pictures);
-        page.warnings.push_back(
-            "the report has pictures instead of charts of the readings: a finished evaluation does "
-            "not contain the readings; abbe evaluate --report writes them");
-        page.files.push_back({"evaluation.json", text});
-      });
   return page;
 }
 

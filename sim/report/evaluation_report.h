@@ -39,15 +39,9 @@ std::vector<std::filesystem::path> write_part_picture(const ResultFolder& folder
                                                       const PartReadingsFile& part,
                                                       const std::string& from);
 
-/// Returns the page of an evaluation: a table for each standard, deviations over position with 2 s
-/// bands and single runs, circles, drifts, and the deviations of a part.
-/// @throws BadInput if the readings cannot be read again
+/// Returns the page of an evaluation without files for download: a table for each standard,
+/// deviations over position with 2 s bands and single runs, circles, drifts, and the deviations of
+/// a part.
 FiguresPage evaluation_page(const Evaluation& evaluation);
-
-/// Returns the page of the evaluation.json in a folder, with the pictures of that folder. Without
-/// the readings there are no charts; a warning on the page says so.
-/// @throws BadInput if it is not an evaluation; names the file, what was expected and what was
-/// found
-FiguresPage evaluation_page(const std::filesystem::path& folder);
 
 }  // namespace abbe::sim

@@ -6,8 +6,10 @@
 
 #include <fmt/format.h>
 
+#include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "sim/files/json_files.h"
+#include "sim/files/output.h"
 #include "sim/files/program_file.h"
 #include "sim/report/page_data.h"
 #include "sim/report/page_template.h"
@@ -153,6 +155,14 @@ std::string closing_section(const FiguresPage& page) {
   return text + "</ul>";
 }
 
+std::vector<PageFile> page_files(const std::vector<std::filesystem::path>& files) {
+  std::vector<PageFile> contents;
+  for (const std::filesystem::path& file : files)
+    if (std::filesystem::exists(file))
+      contents.push_back({file.filename().string(), read_text(file, max_saved_bytes)});
+  return contents;
+}
+
 ordered_json to_json(const FiguresPage& page) {
   return {{"title", page.title},
           {"request", page.request},
@@ -161,17 +171,30 @@ ordered_json to_json(const FiguresPage& page) {
           {"blocks", page.blocks}};
 }
 
-FiguresPage read_page(const std::filesystem::path& file) {
+FiguresPage read_page(const std::filesystem::path& file,
+                      const std::vector<std::filesystem::path>& files) {
+  const std::string expected =
+      "a page saved by abbe study, identify or evaluate; run that command again (a study with "
+      "another --out)";
+  if (!std::filesystem::exists(file))
+    throw BadInput(file.string(), 0, 0, expected, "no such file, as in results of older versions");
   FiguresPage page;
-  read_saved_json(file, "a page written by abbe, with title, request, warnings and blocks",
-                  [&](const ordered_json& json, const std::string&) {
-                    page.title = json.at("title");
-                    page.request = json.at("request");
-                    page.warnings = json.at("warnings");
-                    page.command = json.at("command");
-                    page.blocks = json.at("blocks");
-                    check_page(page);
-                  });
+  read_saved_json(file, expected, [&](const ordered_json& json, const std::string&) {
+    page.title = json.at("title");
+    page.request = json.at("request");
+    page.warnings = json.at("warnings");
+    page.command = json.at("command");
+    page.blocks = json.at("blocks");
+    check_page(page);
+  });
+  page.files = page_files(files);
+  std::vector<std::filesystem::path> written = files;
+  written.insert(written.begin(), file);
+  for (const std::filesystem::path& path : written)
+    if (std::filesystem::exists(path) && !writing_command(read_manifest(path.parent_path()), path))
+      page.warnings.push_back(fmt::format(
+          "{} was changed after abbe wrote it, or the manifest of its folder is missing",
+          path.filename().string()));
   return page;
 }
 

@@ -82,14 +82,20 @@ struct FiguresPage {
 /// the results.
 std::string closing_section(const FiguresPage& page);
 
-/// Returns title, request, warnings, command and blocks of a page as JSON, without its files and
-/// language.
+/// Returns the contents of the files that exist.
+/// @throws BadInput if one of them cannot be read
+std::vector<PageFile> page_files(const std::vector<std::filesystem::path>& files);
+
+/// Returns title, request, warnings, command and blocks of a page as JSON.
 nlohmann::ordered_json to_json(const FiguresPage& page);
 
-/// Reads a page that was saved as JSON by a command of abbe.
-/// @throws BadInput naming the file if it is not such a page, or has an unknown label or a value
-/// that is not a figure
-FiguresPage read_page(const std::filesystem::path& file);
+/// Returns a page that a command of abbe saved as JSON. A warning names each of the files that was
+/// changed after abbe wrote it.
+/// @param files  for download; those that do not exist are left out
+/// @throws BadInput naming the file if it does not exist or is not such a page, or has an unknown
+/// label or a value that is not a figure
+FiguresPage read_page(const std::filesystem::path& file,
+                      const std::vector<std::filesystem::path>& files);
 
 /// Returns one self-contained page (render/report/charts.js): its blocks, then the closing section.
 /// @throws std::invalid_argument naming a label that does not exist

@@ -85,6 +85,7 @@ void write_curves_picture(const ResultFile&,
 
 namespace {
 
+using errors::identification::ConfoundedCoefficient;
 using nlohmann::ordered_json;
 
 // More readings of one element could not be told apart in its chart and would slow the page.
@@ -111,23 +112,31 @@ ordered_json rounded_list(const Eigen::VectorXd& values) {
   return list;
 }
 
-/// Returns the table of the figures of the fit. Each method reports some of these keys.
-ordered_json findings_block(const ordered_json& report) {
+/// Returns the table of the figures of the fit. Each method has some of them.
+ordered_json findings_block(const IdentificationResult& identified) {
   ordered_json rows = ordered_json::array();
-  for (const char* key : {"count", "hours", "unknowns", "found", "reduced_chi_square",
-                          "degrees_of_freedom", "condition"}) {
-    if (!report.contains(key)) continue;
-    ordered_json row = ordered_json::array();
-    row.push_back(label_text("fit_" + std::string(key)));
-    row.push_back(require_figure(report.at(key)));
-    rows.push_back(row);
+  const auto add = [&](const char* key, const ordered_json& value) {
+    rows.push_back(ordered_json::array({label_text(key), value}));
+  };
+  const std::size_t found = identified.belief.covariance.of.size();
+  add("fit_count", reading_count(identified));
+  add("fit_hours", machine_hours(identified));
+  if (const auto* fit = std::get_if<ChainFit>(&identified.fit)) {
+    add("fit_unknowns", fit->unknowns);
+    add("fit_found", found);
+    add("fit_reduced_chi_square", fit->reduced_chi_square);
+    add("fit_degrees_of_freedom", fit->degrees_of_freedom);
+    add("fit_condition", fit->condition);
+  } else if (const auto* diagonals = std::get_if<StepDiagonalFit>(&identified.fit)) {
+    add("fit_found", found);
+    add("fit_reduced_chi_square", diagonals->reduced_chi_square);
   }
   return table_block("fit", label_text("fit_title"),
                      {{label_text("figure"), ""}, {label_text("value"), ""}}, rows);
 }
 
 /// Returns the table of readings files, with their residuals if the fit is not null.
-ordered_json sources_block(const ordered_json& report, const ChainFit* fit) {
+ordered_json sources_block(const std::vector<ReadingsSource>& sources, const ChainFit* fit) {
   std::vector<PageColumn> columns{{label_text("file"), ""},    {label_text("instrument"), ""},
                                   {label_text("kind"), ""},    {label_text("fit_count"), ""},
                                   {label_text("set_ups"), ""}, {label_text("fit_hours"), ""}};
@@ -136,15 +145,13 @@ ordered_json sources_block(const ordered_json& report, const ChainFit* fit) {
     columns.push_back({label_text("residual_largest"), ""});
   }
   ordered_json rows = ordered_json::array();
-  for (std::size_t file = 0; file < report.at("readings").size(); ++file) {
-    const ordered_json& source = report.at("readings")[file];
-    ordered_json row = ordered_json::array();
-    for (const char* key : {"file", "instrument", "kind"})
-      row.push_back(source.at(key).get<std::string>());
-    for (const char* key : {"readings", "set_ups", "hours"})
-      row.push_back(require_figure(source.at(key)));
+  for (std::size_t k = 0; k < sources.size(); ++k) {
+    const ReadingsSource& source = sources[k];
+    ordered_json row =
+        ordered_json::array({source.file.string(), source.instrument, source.kind, source.readings,
+                             source.set_ups, source.duration_s / 3600.0});
     if (fit) {
-      const Eigen::VectorXd& residual = fit->residual_sd[file];
+      const Eigen::VectorXd& residual = fit->residual_sd[k];
       const bool has_residuals = residual.size() > 0;
       row.push_back(has_residuals
                         ? ordered_json(std::sqrt(residual.squaredNorm() / double(residual.size())))
@@ -157,40 +164,35 @@ ordered_json sources_block(const ordered_json& report, const ChainFit* fit) {
 }
 
 /// Returns the coefficients that hide another one, such as "EX0C -1.00, EY0C 0.20".
-std::string confounder_list(const ordered_json& confounded) {
+std::string confounder_list(const ConfoundedCoefficient& confounded) {
+  // Unknowns of set-ups have the same name in several starts; the report has the last of them.
+  nlohmann::ordered_map<std::string, double> amounts;
+  for (const auto& [name, amount] : confounded.with) amounts[name] = amount;
   std::string text;
-  for (const auto& [name, amount] : confounded.at("hidden_by").items())
-    text += fmt::format("{}{} {:.3g}", text.empty() ? "" : ", ", name, amount.get<double>());
+  for (const auto& [name, amount] : amounts)
+    text += fmt::format("{}{} {:.3g}", text.empty() ? "" : ", ", name, amount);
   return text;
 }
 
 /// Returns the table of all coefficients. The remark on a coefficient that the readings do not
 /// determine names those that hide it.
-ordered_json numbers_block(const ordered_json& report) {
-  const auto remark_on = [&](const std::string& name) -> PageText {
-    for (const ordered_json& confounded : report.at("confounded"))
-      if (confounded.at("name").get<std::string>() == name) {
-        const std::string confounders = confounder_list(confounded);
-        return confounders.empty() ? label_text("not_read")
-                                   : phrase({label_text("hidden_by"), " ", confounders});
-      }
-    return "";
+ordered_json numbers_block(const IdentificationResult& identified) {
+  const auto remark_on = [&](const ParameterEstimate& parameter) -> PageText {
+    const auto confounded =
+        std::ranges::find(identified.confounded, parameter.name, &ConfoundedCoefficient::name);
+    if (confounded == identified.confounded.end())
+      return parameter.standard_uncertainty ? PageText("") : label_text("not_found");
+    const std::string confounders = confounder_list(*confounded);
+    return confounders.empty() ? label_text("not_read")
+                               : phrase({label_text("hidden_by"), " ", confounders});
   };
   ordered_json rows = ordered_json::array();
-  for (const ordered_json& coefficient : report.at("numbers")) {
-    const ordered_json &value = require_figure(coefficient.at("value")),
-                       &u = require_figure(coefficient.at("standard_uncertainty"));
-    ordered_json row = ordered_json::array();
-    row.push_back(coefficient.at("name").get<std::string>());
-    row.push_back(page_unit(coefficient.at("unit").get<std::string>()));
-    row.push_back(value);
-    row.push_back(u);
-    const bool has_both = value.is_number() && u.is_number() && u.get<double>() > 0.0;
-    row.push_back(has_both ? ordered_json(std::abs(value.get<double>()) / u.get<double>())
-                           : ordered_json());
-    const PageText remark = remark_on(coefficient.at("name").get<std::string>());
-    row.push_back(u.is_null() && remark == "" ? label_text("not_found") : remark);
-    rows.push_back(row);
+  for (const ParameterEstimate& parameter : parameter_estimates(identified.belief)) {
+    const std::optional<double>& u = parameter.standard_uncertainty;
+    rows.push_back(ordered_json::array(
+        {parameter.name, page_unit(parameter.unit), parameter.value, number(u),
+         u && *u > 0.0 ? ordered_json(std::abs(parameter.value) / *u) : ordered_json(),
+         remark_on(parameter)}));
   }
   if (rows.empty()) return {};
   ordered_json block = table_block("numbers", label_text("numbers"),
@@ -206,14 +208,12 @@ ordered_json numbers_block(const ordered_json& report) {
 }
 
 /// Returns the table of the coefficients that were not identified, with those that hide them.
-ordered_json confounded_block(const ordered_json& report) {
+ordered_json confounded_block(const std::vector<ConfoundedCoefficient>& confounded) {
   ordered_json rows = ordered_json::array();
-  for (const ordered_json& coefficient : report.at("confounded")) {
+  for (const ConfoundedCoefficient& coefficient : confounded) {
     const std::string confounders = confounder_list(coefficient);
-    ordered_json row = ordered_json::array();
-    row.push_back(coefficient.at("name").get<std::string>());
-    row.push_back(confounders.empty() ? label_text("not_read") : PageText(confounders));
-    rows.push_back(row);
+    rows.push_back(ordered_json::array(
+        {coefficient.name, confounders.empty() ? label_text("not_read") : PageText(confounders)}));
   }
   if (rows.empty()) return {};
   ordered_json block = table_block("confounded", label_text("confounded"),
@@ -223,74 +223,54 @@ ordered_json confounded_block(const ordered_json& report) {
 }
 
 /// Returns the table of the readings that were excluded as outliers, with their residuals.
-ordered_json outliers_block(const ordered_json& report) {
-  if (!report.contains("outliers") || report.at("outliers").empty()) return {};
+ordered_json outliers_block(const ChainFit& fit) {
+  if (fit.outliers.empty()) return {};
   ordered_json rows = ordered_json::array();
-  for (const ordered_json& outlier : report.at("outliers")) {
-    ordered_json row = ordered_json::array();
-    row.push_back(outlier.at("file").get<std::string>());
-    row.push_back(require_figure(outlier.at("row")));
-    row.push_back(require_figure(outlier.at("residual_sd")));
-    rows.push_back(row);
-  }
+  for (const ChainFit::Outlier& outlier : fit.outliers)
+    rows.push_back(ordered_json::array({outlier.file.string(), outlier.row, outlier.residual_sd}));
   return table_block(
       "outliers", label_text("outliers"),
       {{label_text("file"), ""}, {label_text("row"), ""}, {label_text("residual_sd"), ""}}, rows);
 }
 
 /// Returns the table of the orders that cross-validation chose.
-ordered_json orders_block(const ordered_json& report) {
-  if (!report.contains("orders")) return {};
+ordered_json orders_block(const ChainFit& fit) {
+  if (!fit.orders) return {};
   ordered_json rows = ordered_json::array();
-  for (const auto& [name, order] : report.at("orders").items()) {
-    ordered_json row = ordered_json::array();
-    row.push_back(name);
-    row.push_back(require_figure(order));
-    rows.push_back(row);
-  }
+  for (const auto& [name, order] : *fit.orders) rows.push_back(ordered_json::array({name, order}));
   return table_block("orders", label_text("orders"),
                      {{label_text("element"), ""}, {label_text("chosen_order"), ""}}, rows);
 }
 
 /// Adds a row for every sensor: the slope with its uncertainty.
-/// @param values         { sensor: slope }
-/// @param uncertainties  { sensor: standard uncertainty }
-void add_slopes(ordered_json& rows, const PageText& name, const std::string& unit,
-                const ordered_json& values, const ordered_json& uncertainties) {
-  for (const auto& [sensor, value] : values.items()) {
-    ordered_json row = ordered_json::array();
-    row.push_back(name);
-    row.push_back(sensor);
-    row.push_back(unit);
-    row.push_back(require_figure(value));
-    row.push_back(uncertainties.contains(sensor) ? require_figure(uncertainties.at(sensor))
-                                                 : ordered_json());
-    rows.push_back(row);
-  }
+/// @param uncertainties  empty if they are not known
+void add_slopes(ordered_json& rows, const std::string& name, const std::string& unit,
+                const std::vector<std::string>& sensors, const Eigen::VectorXd& slopes,
+                const Eigen::VectorXd& uncertainties) {
+  for (std::size_t k = 0; k < sensors.size(); ++k)
+    rows.push_back(
+        ordered_json::array({name, sensors[k], unit, slopes[Eigen::Index(k)],
+                             uncertainties.size() > 0 ? ordered_json(uncertainties[Eigen::Index(k)])
+                                                      : ordered_json()}));
 }
 
 /// Returns the table of the slopes of coefficients by temperature, which some of the methods
-/// identify.
-ordered_json sensor_slopes_block(const ordered_json& report) {
+/// identify; null if there are none.
+ordered_json sensor_slopes_block(const IdentificationResult& identified) {
   ordered_json rows = ordered_json::array();
-  if (report.contains("per_K"))
-    for (const ordered_json& coefficient : report.at("per_K"))
-      add_slopes(rows, coefficient.at("name").get<std::string>(),
-                 coefficient.at("unit").get<std::string>(), coefficient.at("per_K"),
-                 coefficient.at("standard_uncertainty"));
-  if (report.contains("composite"))
-    for (const ordered_json& coefficient : report.at("composite"))
-      add_slopes(rows, coefficient.at("axis").get<std::string>(), "µm/m/K",
-                 coefficient.at("slope_um_per_m_K"), coefficient.at("standard_error_um_per_m_K"));
-  if (report.contains("thermal"))
-    for (const ordered_json& term : report.at("thermal").at("terms")) {
-      ordered_json values = ordered_json::object(), errors = ordered_json::object();
-      for (const auto& [sensor, slope] : term.at("per_K").items()) {
-        values[sensor] = slope.at("value");
-        errors[sensor] = slope.at("standard_error");
-      }
-      add_slopes(rows, term.at("name").get<std::string>(),
-                 page_unit(term.at("unit").get<std::string>()) + "/K", values, errors);
+  if (const auto* diagonals = std::get_if<StepDiagonalFit>(&identified.fit))
+    for (const TrendEstimate& trend : trend_estimates(*diagonals))
+      add_slopes(rows, trend.name, trend.unit, diagonals->sensors, trend.per_K,
+                 trend.standard_uncertainty);
+  if (const auto* composite = std::get_if<CompositeFits>(&identified.fit))
+    for (const CompositeAxis& axis : composite->axes)
+      add_slopes(rows, std::string(1, axis.axis), "µm/m/K", composite->sensors,
+                 axis.fit.thermal / um_per_m, axis.fit.slope_fit.standard_error / um_per_m);
+  if (const auto* day = std::get_if<ThermalDay>(&identified.fit))
+    for (const RegressedTerm& term : day->terms) {
+      const TermEstimate estimate = term_estimate(term);
+      add_slopes(rows, estimate.name, page_unit(estimate.unit) + "/K", day->sensors, estimate.per_K,
+                 estimate.standard_error);
     }
   if (rows.empty()) return {};
   return table_block("sensors", label_text("sensor_slopes"),
@@ -304,16 +284,15 @@ ordered_json sensor_slopes_block(const ordered_json& report) {
 
 /// Returns the charts of the slopes of a composite belief over its starts, with 1.96 standard
 /// errors to either side.
-ordered_json starts_block(const ordered_json& report) {
-  if (!report.contains("composite")) return {};
+ordered_json starts_block(const CompositeFits& composite) {
   ordered_json block = page_block("panels", "starts", label_text("slopes_by_start"));
   block["panels"] = ordered_json::array();
-  for (const ordered_json& axis : report.at("composite")) {
+  for (const CompositeAxis& axis : composite.axes) {
     ordered_json x = ordered_json::array(), y = x, low = x, high = x;
-    for (const ordered_json& start_slope : axis.at("slopes")) {
-      const double value = start_slope.at("slope_um_per_m").get<double>();
-      const double band = 1.96 * start_slope.at("standard_error").get<double>();
-      x.push_back(start_slope.at("start"));
+    for (Eigen::Index i = 0; i < axis.fit.slope.size(); ++i) {
+      const double value = axis.fit.slope[i] / um_per_m;
+      const double band = 1.96 * (axis.fit.slope_standard_error[i] / um_per_m);
+      x.push_back(axis.fit.warm_runs[std::size_t(i)] + 1);
       y.push_back(value);
       low.push_back(value - band);
       high.push_back(value + band);
@@ -321,32 +300,31 @@ ordered_json starts_block(const ordered_json& report) {
     ordered_json panel, series = chart_series(label_text("slope_with_band"), x, y, "both");
     series["low"] = low;
     series["high"] = high;
-    panel["title"] = axis.at("axis").get<std::string>();
+    panel["title"] = std::string(1, axis.axis);
     panel["x"] = label_text("start");
     panel["y"] = phrase({label_text("slope"), " / µm/m"});
-    panel["series"] = ordered_json::array();
-    panel["series"].push_back(series);
+    panel["series"] = ordered_json::array({series});
     block["panels"].push_back(panel);
   }
   return block;
 }
 
 /// Returns the charts of the thermal contribution to the elements over a day.
-ordered_json day_block(const ordered_json& report) {
-  if (!report.contains("thermal")) return {};
-  const ordered_json& day = report.at("thermal");
+ordered_json day_block(const ThermalDay& day) {
   ordered_json block = page_block("panels", "day", label_text("terms_by_hour"));
   block["panels"] = ordered_json::array();
-  for (const ordered_json& term : day.at("terms")) {
+  ordered_json hours = ordered_json::array();
+  for (const auto& epoch : day.epochs) hours.push_back(epoch_hour(epoch));
+  for (const RegressedTerm& term : day.terms) {
+    const TermEstimate estimate = term_estimate(term);
     ordered_json panel;
-    panel["title"] = term.at("name").get<std::string>();
-    panel["note"] = ordered_json::array();
-    panel["note"].push_back(fmt::format("R² {:.3f}", term.at("r_squared").get<double>()));
+    panel["title"] = estimate.name;
+    panel["note"] = ordered_json::array({fmt::format("R² {:.3f}", term.regression.r_squared)});
     panel["x"] = phrase({label_text("time"), " / h"});
-    panel["y"] = page_unit(term.at("unit").get<std::string>());
-    panel["series"] = ordered_json::array();
-    panel["series"].push_back(
-        chart_series(term.at("name"), day.at("epochs_h"), term.at("at_epochs"), "both"));
+    panel["y"] = page_unit(estimate.unit);
+    panel["series"] = ordered_json::array({chart_series(
+        estimate.name, hours,
+        std::vector<double>(estimate.at_epochs.begin(), estimate.at_epochs.end()), "both")});
     block["panels"].push_back(panel);
   }
   return block;
@@ -395,7 +373,7 @@ ordered_json curves_block(const ChainFit& fit, const kinematics::Chain& nominal)
 }
 
 /// Returns the histogram of residuals in standard deviations, for all readings and for each file.
-ordered_json residuals_block(const ChainFit& fit, const ordered_json& report) {
+ordered_json residuals_block(const ChainFit& fit, const std::vector<ReadingsSource>& sources) {
   ordered_json block = page_block("histogram", "residuals", label_text("residuals"));
   block["x"] = label_text("residual_sd");
   block["unit"] = "";
@@ -418,70 +396,53 @@ ordered_json residuals_block(const ChainFit& fit, const ordered_json& report) {
   if (fit.residual_sd.size() > 1 && fit.residual_sd.size() <= 24)
     for (std::size_t f = 0; f < fit.residual_sd.size(); ++f)
       if (fit.residual_sd[f].size() > 0)
-        block["series"].push_back({{"name", report.at("readings").at(f).at("instrument")},
-                                   {"values", rounded_list(fit.residual_sd[f])}});
+        block["series"].push_back(
+            {{"name", sources[f].instrument}, {"values", rounded_list(fit.residual_sd[f])}});
   return block;
-}
-
-/// Returns the page of a report, with curves and residuals if `identified` is not null.
-FiguresPage identification_document(const ordered_json& report,
-                                    const IdentificationResult* identified) {
-  const ChainFit* fit = identified ? std::get_if<ChainFit>(&identified->fit) : nullptr;
-  FiguresPage page;
-  page.title = report.at("machine").get<std::string>();
-  const auto add = [&](const ordered_json& block) {
-    if (!block.is_null()) page.blocks.push_back(block);
-  };
-  add(findings_block(report));
-  if (fit) add(curves_block(*fit, identified->nominal));
-  add(day_block(report));
-  add(starts_block(report));
-  add(sensor_slopes_block(report));
-  add(numbers_block(report));
-  add(confounded_block(report));
-  add(sources_block(report, fit));
-  if (fit) add(residuals_block(*fit, report));
-  add(outliers_block(report));
-  add(orders_block(report));
-  page.request = {{"machine_name", page.title}, {"method", report.at("method").get<std::string>()}};
-  for (const ordered_json& warning : report.at("warnings"))
-    page.warnings.push_back(warning.get<std::string>());
-  for (const ordered_json& assumption : report.value("assumptions", ordered_json::array()))
-    page.warnings.push_back("assumed: " + assumption.get<std::string>());
-  return page;
-}
-
-/// Offers a file for download if it exists.
-void add_file(FiguresPage& page, const std::filesystem::path& file) {
-  if (std::filesystem::exists(file))
-    page.files.push_back({file.filename().string(), read_text(file, max_saved_bytes)});
 }
 
 }  // namespace
 
 FiguresPage identification_page(const IdentificationResult& identified) {
-  const ordered_json report = to_json(identified);
-  FiguresPage page = identification_document(report, &identified);
-  for (const ReadingsSource& source : identified.sources) add_file(page, source.file);
-  add_file(page, identified.files.belief);
-  add_file(page, identified.files.report);
-  if (identified.files.thermal) add_file(page, *identified.files.thermal);
+  const auto* fit = std::get_if<ChainFit>(&identified.fit);
+  FiguresPage page;
+  page.title = machine_code(identified);
+  const auto add = [&](const ordered_json& block) {
+    if (!block.is_null()) page.blocks.push_back(block);
+  };
+  add(findings_block(identified));
+  if (fit) add(curves_block(*fit, identified.nominal));
+  if (const auto* day = std::get_if<ThermalDay>(&identified.fit)) add(day_block(*day));
+  if (const auto* composite = std::get_if<CompositeFits>(&identified.fit))
+    add(starts_block(*composite));
+  add(sensor_slopes_block(identified));
+  add(numbers_block(identified));
+  add(confounded_block(identified.confounded));
+  add(sources_block(identified.sources, fit));
+  if (fit) {
+    add(residuals_block(*fit, identified.sources));
+    add(outliers_block(*fit));
+    add(orders_block(*fit));
+  }
+  page.request = {{"machine_name", page.title}, {"method", method_text(identified)}};
+  page.warnings = identified.warnings;
+  for (const std::string& assumption : identified.assumptions)
+    page.warnings.push_back("assumed: " + assumption);
+  std::vector<std::filesystem::path> files{identified.files.belief, identified.files.report};
+  for (const ReadingsSource& source : identified.sources)
+    files.insert(files.end() - 2, source.file);
+  if (identified.files.thermal) files.push_back(*identified.files.thermal);
+  page.files = page_files(files);
   return page;
 }
 
-FiguresPage identification_page(const std::filesystem::path& file) {
-  FiguresPage page;
-  read_saved_json(
-      file, "the report of an identification (NAME.json) written by abbe identify",
-      [&](const ordered_json& report, const std::string&) {
-        page = identification_document(report, nullptr);
-        page.warnings.push_back(
-            "curves of the elements, readings and residuals are omitted from the report: a "
-            "finished identification does not contain them; abbe identify --report writes them");
-        add_file(page, file);
-        add_file(page, std::filesystem::path(file).replace_extension(".toml"));
-      });
-  return page;
+std::filesystem::path identification_page_file(const std::filesystem::path& report) {
+  return report.parent_path() / (report.stem().string() + "_page.json");
+}
+
+FiguresPage saved_identification_page(const std::filesystem::path& report) {
+  return read_page(identification_page_file(report),
+                   {report, std::filesystem::path(report).replace_extension(".toml")});
 }
 
 }  // namespace abbe::sim

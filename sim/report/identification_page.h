@@ -23,15 +23,16 @@ void write_curves_picture(const ResultFile& file,
                           const std::vector<std::filesystem::path>& readings);
 
 /// Returns the page of an identification: coefficients with their uncertainties, the curve of every
-/// element with its 95 % band and readings, residuals, and confounded coefficients. The belief
-/// files must have been written, because the page offers them for download.
-/// @throws BadInput if the belief cannot be read
+/// element with its 95 % band and readings, residuals, confounded coefficients, and those of its
+/// files that have been written for download.
+/// @throws BadInput if a file cannot be read
 FiguresPage identification_page(const IdentificationResult& identified);
 
-/// Returns the page of an identification's report NAME.json. The report has no curves and
-/// residuals; a warning on the page says so.
-/// @throws BadInput if it is not the report of an identification; names the file, what was expected
-/// and what was found
-FiguresPage identification_page(const std::filesystem::path& report);
+/// Returns the file that holds this page, NAME_page.json beside the report NAME.json.
+std::filesystem::path identification_page_file(const std::filesystem::path& report);
+
+/// Returns the saved page of the report NAME.json.
+/// @throws BadInput as read_page()
+FiguresPage saved_identification_page(const std::filesystem::path& report);
 
 }  // namespace abbe::sim

@@ -32,46 +32,18 @@ namespace {
 
 using Eigen::Index;
 
-constexpr double um_per_m = 1e-6;     // of a slope, mm per mm
 constexpr double per_metre = 1000.0;  // mm: slopes of a day are stated over one metre
 
-/// A coefficient of a geometric belief, um or urad.
-struct ParameterEstimate {
-  std::string name;     ///< "EXX[2]"
-  std::string element;  ///< "EXX"
-  std::string unit;
-  double value = 0.0;
-  std::optional<double> standard_uncertainty;  ///< empty for a coefficient that was not identified
-};
+}  // namespace
 
-/// A thermal term over a day, in um or urad; a slope is in um/m or urad/m.
-struct TermEstimate {
-  std::string name;  ///< "EXX slope"
-  std::string unit;
-  Eigen::VectorXd at_epochs;  ///< (epochs)
-  double range = 0.0;
-  double standard_uncertainty = 0.0;  ///< at one epoch, mean over all
-  double constant = 0.0;
-  Eigen::VectorXd per_K;           ///< (sensors)
-  Eigen::VectorXd standard_error;  ///< (sensors)
-  double residual_sd = 0.0;
-};
+double epoch_hour(const errors::identification::Epoch& epoch) {
+  return 0.5 * (epoch.from_s + epoch.to_s) / 3600.0;
+}
 
-/// Dependence of a coefficient of a step diagonal on the sensors, in um/K, um/m/K or urad/K.
-struct TrendEstimate {
-  std::string name;
-  std::string unit;
-  Eigen::VectorXd per_K;                 ///< (sensors)
-  Eigen::VectorXd standard_uncertainty;  ///< (sensors) empty if there are no more starts than
-                                         ///< unknowns
-};
-
-/// Returns the structural code of the machine: "w b X Y Z C A s t".
 std::string machine_code(const IdentificationResult& identified) {
   return kinematics::to_string(kinematics::chain_topology(identified.nominal.joints()));
 }
 
-/// Returns a short description of the method.
 std::string method_text(const IdentificationResult& identified) {
   constexpr std::array names{
       "least squares on the exact chain", "step diagonal as published: 12 elements of translation",
@@ -81,21 +53,18 @@ std::string method_text(const IdentificationResult& identified) {
   return names.at(identified.fit.index());
 }
 
-/// Returns the number of readings of all files.
 std::size_t reading_count(const IdentificationResult& identified) {
   std::size_t count = 0;
   for (const ReadingsSource& source : identified.sources) count += source.readings;
   return count;
 }
 
-/// Returns the time that the readings take on a real machine.
 double machine_hours(const IdentificationResult& identified) {
   double hours = 0.0;
   for (const ReadingsSource& source : identified.sources) hours += source.duration_s / 3600.0;
   return hours;
 }
 
-/// Returns all coefficients of a belief.
 std::vector<ParameterEstimate> parameter_estimates(const errors::GeometricErrors& belief) {
   std::map<std::string, double> sigma;
   const errors::Covariance& covariance = belief.covariance;
@@ -120,7 +89,6 @@ std::vector<ParameterEstimate> parameter_estimates(const errors::GeometricErrors
   return estimates;
 }
 
-/// Returns a thermal term in the units of the report.
 TermEstimate term_estimate(const RegressedTerm& term) {
   const bool is_angle = term.name.is_angle();
   const double unit = term.slope ? um_per_m : is_angle ? units::urad : units::um;
@@ -140,7 +108,6 @@ TermEstimate term_estimate(const RegressedTerm& term) {
   return estimate;
 }
 
-/// Returns the trends of a step diagonal in the units of the report; empty without temperatures.
 std::vector<TrendEstimate> trend_estimates(const StepDiagonalFit& fit) {
   std::vector<TrendEstimate> estimates;
   if (!fit.trend) return estimates;
@@ -157,6 +124,8 @@ std::vector<TrendEstimate> trend_estimates(const StepDiagonalFit& fit) {
   }
   return estimates;
 }
+
+namespace {
 
 using errors::identification::coefficient_element;
 
@@ -524,7 +493,7 @@ Json day_json(const ThermalDay& day) {
     trained[day.sensors[k]] = {day.dT_K.col(Index(k)).minCoeff(),
                                day.dT_K.col(Index(k)).maxCoeff()};
   for (const RegressedTerm& term : day.terms) terms.push_back(term_json(term, day.sensors));
-  for (const auto& epoch : day.epochs) hours.push_back(0.5 * (epoch.from_s + epoch.to_s) / 3600.0);
+  for (const auto& epoch : day.epochs) hours.push_back(epoch_hour(epoch));
   json["sensors"] = day.sensors;
   json["trained_K"] = trained;
   json["margin"] = day.margin;

@@ -311,29 +311,15 @@ FiguresPage with_folder(FiguresPage page, const path& folder) {
         page.blocks.begin() + std::ptrdiff_t(std::min<std::size_t>(page.blocks.size(), 2)), maps);
   }
   page.request.push_back({"folder", std::filesystem::absolute(folder).lexically_normal().string()});
-  const Manifest manifest = read_manifest(folder);
-  for (const char* name : {"page.json", "budget.json"})
-    if (!writing_command(manifest, folder / name))
-      page.warnings.push_back(
-          fmt::format("{} was changed after abbe study wrote it, or the manifest of its folder is "
-                      "missing",
-                      name));
-  for (const char* name : {"study.toml", "scene.toml", "budget.json", "budget.csv", "budget.md"})
-    if (std::filesystem::exists(folder / name))
-      page.files.push_back({name, read_text(folder / name, max_saved_bytes)});
+  page.files = page_files({folder / "study.toml", folder / "scene.toml", folder / "budget.json",
+                           folder / "budget.csv", folder / "budget.md"});
   return page;
 }
 
 bool has_study(const path& folder) { return std::filesystem::exists(folder / "budget.json"); }
 
 FiguresPage saved_study_page(const path& folder) {
-  const path file = folder / "page.json";
-  if (!std::filesystem::exists(file))
-    throw BadInput(folder.string(), 0, 0,
-                   "the folder of a finished study with its page.json; run abbe study --report "
-                   "again, with another --out",
-                   "the folder of a version of abbe that saved no page.json");
-  return with_folder(read_page(file), folder);
+  return with_folder(read_page(folder / "page.json", {folder / "budget.json"}), folder);
 }
 
 }  // namespace abbe::sim::study

@@ -34,14 +34,13 @@ void write_histories(const ResultFolder& folder, const Study& study,
 /// Returns true if a folder holds the budget of a finished study.
 bool has_study(const std::filesystem::path& folder);
 
-/// Adds to the page of a study what its folder holds: pictures of maps, files for download, the
-/// name of the folder, and warnings about files that were changed after they were written.
+/// Adds to the page of a study what its folder holds: pictures of maps, files for download, and the
+/// name of the folder.
 /// @throws BadInput if a file cannot be read
 FiguresPage with_folder(FiguresPage page, const std::filesystem::path& folder);
 
 /// Returns the page of a finished study from `page.json` and the other files in `folder`.
-/// @throws BadInput for a folder without page.json, and for a page.json that is damaged or not a
-/// page; names the file, what was expected and what was found
+/// @throws BadInput as read_page()
 FiguresPage saved_study_page(const std::filesystem::path& folder);
 
 }  // namespace abbe::sim::study

@@ -208,12 +208,13 @@ TEST_F(StudyPages, ABrokenOrForeignFolderIsRefusedByFile) {
   put(broken / "budget.json", budget.dump());
   const safety::Ran older = safety::run("report " + broken.string());
   EXPECT_EQ(older.code, 3);
-  EXPECT_HAS(older.text, "page.json; run abbe study --report again");
+  EXPECT_HAS(older.text, "run that command again (a study with another --out)");
+  EXPECT_HAS(older.text, "page.json: expected a page saved by abbe study");
   const auto refused = [&](const std::string& text, const std::string& expected) {
     put(broken / "page.json", text);
     const safety::Ran ran = safety::run("report " + broken.string());
     EXPECT_EQ(ran.code, 3) << ran.text;
-    EXPECT_HAS(ran.text, "page.json: expected a page written by abbe");
+    EXPECT_HAS(ran.text, "page.json: expected a page saved by abbe study");
     EXPECT_HAS(ran.text, expected);
     EXPECT_FALSE(fs::exists(broken / "report.html"));
   };
@@ -256,7 +257,7 @@ TEST_F(StudyPages, AChangedPageIsSaidAndAnInjuredOneIsHarmless) {
   ASSERT_EQ(ran.code, 0) << ran.text;
   const std::string html = whole(copy / "report.html");
   EXPECT_EQ(html.find("<script>alert"), std::string::npos);
-  EXPECT_HAS(html, "page.json was changed after abbe study wrote it");
+  EXPECT_HAS(html, "page.json was changed after abbe wrote it");
   EXPECT_EQ(html.find("budget.json was changed"), std::string::npos);
 
   std::mt19937 random(1);
@@ -264,7 +265,7 @@ TEST_F(StudyPages, AChangedPageIsSaidAndAnInjuredOneIsHarmless) {
   for (int k = 0; k < 300; ++k) {
     put(copy / "page.json", injured(page.dump(), "\"{}[]:,<>/\\0null", 4, random));
     try {
-      const std::string text = page_html(read_page(copy / "page.json"));
+      const std::string text = page_html(read_page(copy / "page.json", {}));
       EXPECT_EQ(text.find("<script>alert"), std::string::npos) << k;
       ++shown;
     } catch (const BadInput&) {
@@ -361,18 +362,20 @@ TEST(PageBlocks, APanelThatDrawsAFewOfItsReadingsSaysHowMany) {
   EXPECT_EQ(few.title, phrase({"EXX, ", label_text("readings"), " 751 / 1501"}));
 }
 
-TEST_F(IdentificationPages, TheSavedReportLacksTheCurvesAndSaysSo) {
+TEST_F(IdentificationPages, TheSavedReportGivesThePageAgain) {
   const safety::Ran saved = safety::run("report " + (folder->path / "belief.json").string() +
                                         " -o " + (folder->path / "saved.html").string());
   ASSERT_EQ(saved.code, 0) << saved.text;
-  EXPECT_HAS(saved.text, "abbe identify --report");
-  const ordered_json other = index_of(folder->path / "saved.html");
-  EXPECT_FALSE(has_block(other, "curves"));
-  EXPECT_EQ(block(other, "numbers"), block(index, "numbers"));
-  put(folder->path / "other.json", "{\"machine\": \"w b X t\"}");
-  const safety::Ran refused = safety::run("report " + (folder->path / "other.json").string());
-  EXPECT_EQ(refused.code, 3);
-  EXPECT_HAS(refused.text, "other.json: expected the report of an identification");
+  EXPECT_EQ(index_of(folder->path / "saved.html"), index);
+  EXPECT_HAS(whole(folder->path / "saved.html"), "download=\"belief.toml\"");
+  put(folder->path / "foreign.json", "{\"machine\": \"w b X t\"}");
+  const std::string foreign = "report " + (folder->path / "foreign.json").string();
+  for (const char* page : {"", "{\"machine\": \"w b X t\"}"}) {
+    if (*page != '\0') put(folder->path / "foreign_page.json", page);
+    const safety::Ran refused = safety::run(foreign);
+    EXPECT_EQ(refused.code, 3);
+    EXPECT_HAS(refused.text, "foreign_page.json: expected a page saved by abbe study, identify");
+  }
 }
 
 // --- an evaluation
@@ -398,8 +401,11 @@ TEST_F(IdentificationPages, AnEvaluationShowsTheFiguresOfItsFile) {
   const safety::Ran saved =
       safety::run("report " + out.string() + " -o " + (folder->path / "saved_laser.html").string());
   ASSERT_EQ(saved.code, 0) << saved.text;
-  EXPECT_HAS(saved.text, "abbe evaluate --report");
-  EXPECT_EQ(block(index_of(folder->path / "saved_laser.html"), "standard-0"), table);
+  EXPECT_EQ(index_of(folder->path / "saved_laser.html"), page);
+  fs::remove(out / "page.json");
+  const safety::Ran refused = safety::run("report " + out.string());
+  EXPECT_EQ(refused.code, 3);
+  EXPECT_HAS(refused.text, "page.json: expected a page saved by abbe study, identify or evaluate");
 }
 
 // --- saved cases
