@@ -129,9 +129,7 @@ void add_regions(PartMaps& maps, const std::vector<const ComparedCase*>& cases,
         regions[r].tolerance ? regions[r].tolerance : job.scene.part.tolerance;
     maps.regions.push_back({{"name", regions[r].name},
                             {"judged", regions[r].judged},
-                            {"tolerance_um", tolerance ? ordered_json{tolerance->lower / units::um,
-                                                                      tolerance->upper / units::um}
-                                                       : ordered_json()},
+                            {"tolerance_um", tolerance_um(tolerance)},
                             {"figures", figures}});
   }
 }
@@ -218,37 +216,33 @@ std::string machine_section(const Job& job) {
   return list(lines);
 }
 
-/// Returns the text below the maps: request, axes, verdicts, warnings, versions and the command
-/// that reproduces the page.
-std::string details_section(const std::vector<ComparedCase>& cases, const ordered_json& json,
+/// Returns the text below the maps: verdicts, failed cases and axes, then request, warnings,
+/// versions, and the command and scene that reproduce the page.
+std::string details_section(const std::vector<ComparedCase>& cases, const Comparison& comparison,
                             const std::vector<std::string>& omissions, const PageOptions& options) {
   const Job& job = *cases.front().job;
-  std::string text = label("asked", "h2") + "<dl>";
-  for (const char* key :
-       {"scene", "seed", "vertices", "moves", "datum", "alignment", "tolerance_um"})
-    text += row(key, plain_text(json.at(key)));
-  text += row("program", job.path.file) +
-          row("duration",
-              fmt::format("{:.1f}",
-                          job.samples.states.empty() ? 0.0 : job.samples.states.back().time_s)) +
-          "</dl>" + label("machine_axes", "h2") + machine_section(job) + label("verdicts", "h2") +
-          verdict_list(cases);
-  std::vector<std::string> warnings = json.at("warnings").get<std::vector<std::string>>();
-  warnings.insert(warnings.end(), omissions.begin(), omissions.end());
-  text += label("warnings", "h2") + list(warnings);
-  if (json.contains("failed")) {
-    std::vector<std::string> failed;
-    for (const ordered_json& failure : json.at("failed"))
-      failed.push_back(plain_text(failure.at("name")) + ": " + plain_text(failure.at("reason")));
-    text += label("failed", "h2") + list(failed);
-  }
-  text += label("packed", "p") + label("packed_motion", "p");
-  text += label("versions", "h2") + "<dl>";
-  for (const auto& [name, version] : json.at("versions").items())
-    text += "<dt>" + html_escaped(name) + "</dt><dd>" + html_escaped(plain_text(version)) + "</dd>";
-  return text + "</dl>" + label("repeat", "h2") + "<p><code>" + html_escaped(options.command) +
-         "</code></p><p><a download=\"scene.toml\" href=\"data:application/toml;base64," +
-         base64(job.scene.resolved) + "\">scene.toml</a> " + label("download") + "</p>";
+  const auto& states = job.samples.states;
+  FiguresPage page;
+  page.request = {{"scene", comparison.scene},
+                  {"seed", std::to_string(comparison.seed)},
+                  {"vertices", std::to_string(comparison.vertices)},
+                  {"moves", std::to_string(comparison.moves)},
+                  {"datum", name_of(comparison.datum)},
+                  {"alignment", name_of(comparison.alignment)},
+                  {"tolerance_um", plain_text(tolerance_um(comparison.tolerance))},
+                  {"program", job.path.file},
+                  {"duration", fmt::format("{:.1f}", states.empty() ? 0.0 : states.back().time_s)}};
+  page.warnings = comparison.warnings;
+  page.warnings.insert(page.warnings.end(), omissions.begin(), omissions.end());
+  page.command = options.command;
+  page.files = {{"scene.toml", job.scene.resolved}};
+  std::vector<std::string> failed;
+  for (const FailedCase& failure : comparison.failed)
+    failed.push_back(failure.name + ": " + failure.reason);
+  return label("verdicts", "h2") + verdict_list(cases) +
+         (failed.empty() ? "" : label("failed", "h2") + list(failed)) +
+         label("machine_axes", "h2") + machine_section(job) + closing_section(page) +
+         label("packed", "p") + label("packed_motion", "p");
 }
 
 }  // namespace
@@ -257,19 +251,19 @@ std::string details_section(const std::vector<ComparedCase>& cases, const ordere
 HtmlReport html_report(const std::vector<ComparedCase>& cases, const Comparison& comparison,
                        const PageOptions& options) {
   const Job& job = *cases.front().job;
-  const ordered_json json = to_json(comparison);
+  const ordered_json figures = to_json(comparison.cases);
   HtmlReport report;
-  MapsPage page{comparison.scene, options.language, {}, json.at("cases"), {}, {}};
+  MapsPage page{comparison.scene, options.language, {}, figures, {}, {}};
   tbb::parallel_invoke([&] { page.pictures = pictures_section(cases); },
                        [&] {
-                         const PartMaps maps = compared_maps(cases, json.at("cases"));
+                         const PartMaps maps = compared_maps(cases, figures);
                          report.warnings = maps.omissions;
-                         page.data = maps_data(maps, json.at("tolerance_um"));
+                         page.data = maps_data(maps, tolerance_um(comparison.tolerance));
                          add_time_series(page.data, cases);
                          for (const std::string& omission : add_machine(page.data, job))
                            report.warnings.push_back(omission);
                        });
-  page.details = details_section(cases, json, report.warnings, options);
+  page.details = details_section(cases, comparison, report.warnings, options);
   report.html = page_html(page);
   return report;
 }

@@ -314,7 +314,7 @@ ordered_json day_block(const ThermalDay& day) {
   ordered_json block = page_block("panels", "day", label_text("terms_by_hour"));
   block["panels"] = ordered_json::array();
   ordered_json hours = ordered_json::array();
-  for (const auto& epoch : day.epochs) hours.push_back(epoch_hour(epoch));
+  for (const auto& epoch : day.epochs) hours.push_back(0.5 * (epoch.from_s + epoch.to_s) / 3600.0);
   for (const RegressedTerm& term : day.terms) {
     const TermEstimate estimate = term_estimate(term);
     ordered_json panel;
@@ -428,10 +428,10 @@ FiguresPage identification_page(const IdentificationResult& identified) {
   page.warnings = identified.warnings;
   for (const std::string& assumption : identified.assumptions)
     page.warnings.push_back("assumed: " + assumption);
-  std::vector<std::filesystem::path> files{identified.files.belief, identified.files.report};
-  for (const ReadingsSource& source : identified.sources)
-    files.insert(files.end() - 2, source.file);
-  if (identified.files.thermal) files.push_back(*identified.files.thermal);
+  std::vector<std::filesystem::path> files;
+  for (const ReadingsSource& source : identified.sources) files.push_back(source.file);
+  const BeliefFiles& own = identified.files;
+  files.insert(files.end(), {own.belief, own.report, own.thermal.value_or("")});
   page.files = page_files(files);
   return page;
 }

@@ -36,10 +36,6 @@ constexpr double per_metre = 1000.0;  // mm: slopes of a day are stated over one
 
 }  // namespace
 
-double epoch_hour(const errors::identification::Epoch& epoch) {
-  return 0.5 * (epoch.from_s + epoch.to_s) / 3600.0;
-}
-
 std::string machine_code(const IdentificationResult& identified) {
   return kinematics::to_string(kinematics::chain_topology(identified.nominal.joints()));
 }
@@ -493,7 +489,7 @@ Json day_json(const ThermalDay& day) {
     trained[day.sensors[k]] = {day.dT_K.col(Index(k)).minCoeff(),
                                day.dT_K.col(Index(k)).maxCoeff()};
   for (const RegressedTerm& term : day.terms) terms.push_back(term_json(term, day.sensors));
-  for (const auto& epoch : day.epochs) hours.push_back(epoch_hour(epoch));
+  for (const auto& epoch : day.epochs) hours.push_back(0.5 * (epoch.from_s + epoch.to_s) / 3600.0);
   json["sensors"] = day.sensors;
   json["trained_K"] = trained;
   json["margin"] = day.margin;

@@ -65,9 +65,6 @@ TermEstimate term_estimate(const RegressedTerm& term);
 /// Returns the trends of a step diagonal in the units of the report; empty without temperatures.
 std::vector<TrendEstimate> trend_estimates(const StepDiagonalFit& fit);
 
-/// Returns the middle of an epoch, hours.
-double epoch_hour(const errors::identification::Epoch& epoch);
-
 /// Returns the report of an identification as text for the terminal. Control characters in file
 /// names and messages are escaped, so that each of them stays on one line.
 std::string identification_text(const IdentificationResult& identified);

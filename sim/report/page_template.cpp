@@ -144,7 +144,6 @@ constexpr ReportLabel labels[] = {
     {"failed", "Failed cases", "失败的工况"},
     {"versions", "Versions", "版本"},
     {"repeat", "How to reproduce it", "如何重现"},
-    {"download", "the scene with all its input files", "含全部输入文件的场景"},
     {"precision", "resolution of the values nm", "数值步长 nm"},
     {"packed",
      "Precision of the packed data: residual and form, half the resolution in the table; "

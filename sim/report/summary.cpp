@@ -197,11 +197,6 @@ ordered_json statistics_um(const std::optional<cutting::Statistics>& s) {
   return s ? statistics_um(*s) : ordered_json();
 }
 
-ordered_json tolerance_um(const std::optional<Tolerance>& tolerance) {
-  if (!tolerance) return {};
-  return {tolerance->lower / units::um, tolerance->upper / units::um};
-}
-
 /// Returns an extreme point; null if there is none.
 ordered_json point_json(const std::optional<Verdict::ExtremePoint>& point) {
   if (!point) return {};
@@ -490,6 +485,11 @@ ordered_json wear_json(const std::vector<WornTool>& tools) {
 
 }  // namespace
 
+ordered_json tolerance_um(const std::optional<Tolerance>& tolerance) {
+  if (!tolerance) return {};
+  return {tolerance->lower / units::um, tolerance->upper / units::um};
+}
+
 ordered_json to_json(const Summary& s) {
   ordered_json form = ordered_json::object(), timing = ordered_json::object();
   for (const cutting::FormNumber& deviation : s.form)
@@ -544,9 +544,13 @@ ordered_json to_json(const Summary& s) {
   return json;
 }
 
+ordered_json to_json(const std::vector<CaseStatistics>& cases) {
+  ordered_json list = ordered_json::array();
+  for (const CaseStatistics& figures : cases) list.push_back(case_json(figures));
+  return list;
+}
+
 ordered_json to_json(const Comparison& c) {
-  ordered_json cases = ordered_json::array();
-  for (const CaseStatistics& figures : c.cases) cases.push_back(case_json(figures));
   ordered_json json = {{"scene", c.scene},
                        {"seed", c.seed},
                        {"vertices", c.vertices},
@@ -555,7 +559,7 @@ ordered_json to_json(const Comparison& c) {
                        {"datum", name_of(c.datum)},
                        {"alignment", name_of(c.alignment)},
                        {"tolerance_um", tolerance_um(c.tolerance)},
-                       {"cases", cases}};
+                       {"cases", to_json(c.cases)}};
   for (const FailedCase& failure : c.failed)
     json["failed"].push_back({{"name", failure.name}, {"reason", failure.reason}});
   json["assumptions"] = to_json(c.assumptions);

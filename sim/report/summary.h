@@ -120,6 +120,10 @@ Comparison comparison(const Job& job, const std::vector<ComparedCase>& cases,
 nlohmann::ordered_json to_json(const Summary& summary);
 nlohmann::ordered_json to_json(const Comparison& comparison);
 
+/// Return the figures of cases and the limits of a tolerance, or null, as in `comparison.json`.
+nlohmann::ordered_json to_json(const std::vector<CaseStatistics>& cases);
+nlohmann::ordered_json tolerance_um(const std::optional<Tolerance>& tolerance);
+
 /// Return a table of residuals with a line per case.
 std::string to_text(const Summary& summary);
 std::string to_text(const Comparison& comparison);

@@ -16,11 +16,6 @@ using nlohmann::ordered_json;
 
 const char* const names[] = {"error_free", "uncompensated", "perfect-position-ideal"};
 
-std::string text_of(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
 /// What stands in a script of a page.
 std::string script(const std::string& html, const std::string& id) {
   const std::size_t at = html.find("id=\"" + id + "\">");
@@ -39,7 +34,7 @@ struct ReadPage {
 Eigen::MatrixXi numbers(const ReadPage& page, const std::string& name);
 
 ReadPage page_of(const fs::path& file, const cutting::Design& design) {
-  ReadPage page{text_of(file), {}, morton_order(design.vertices)};
+  ReadPage page{safety::bytes(file), {}, morton_order(design.vertices)};
   page.index = ordered_json::parse(script(page.html, "index"));
   EXPECT_EQ(numbers(page, "triangle"), sorted_triangles(design.triangles, page.order));
   return page;
@@ -123,7 +118,7 @@ struct SavedFolder : testing::Test {
   fs::path map_file(const std::string& name) const { return folder / name / "residual.vtp"; }
   std::vector<std::string> shown() const {
     std::vector<std::string> all;
-    const ordered_json index = ordered_json::parse(script(text_of(page_file()), "index"));
+    const ordered_json index = ordered_json::parse(script(safety::bytes(page_file()), "index"));
     for (const ordered_json& one : index.at("cases")) all.push_back(one.at("name"));
     return all;
   }
@@ -164,9 +159,10 @@ TEST_F(SavedFolder, SaysThatTheMachineInMotionIsNotInIt) {
              "the moving machine and its signals are omitted from the report: "
              "saved results do not contain them; abbe compare --report");
   EXPECT_EQ(reported.text.find("has no map"), std::string::npos) << reported.text;
-  const std::string html = text_of(page_file());
+  const std::string html = safety::bytes(page_file());
   EXPECT_HAS(html, "alt=\"uncompensated/residual\"");
-  const ordered_json summary = ordered_json::parse(text_of(folder / names[1] / "summary.json"));
+  const ordered_json summary =
+      ordered_json::parse(safety::bytes(folder / names[1] / "summary.json"));
   const std::string verdict = summary.at("conformance").at("verdict");
   EXPECT_FALSE(verdict.empty());
   EXPECT_HAS(html, "<li>uncompensated: " + verdict + "</li>") << verdict;
@@ -194,7 +190,7 @@ TEST_F(SavedFolder, WithoutAnyMapThePageHasFiguresAndPictures) {
   const safety::Ran reported = report();
   ASSERT_EQ(reported.code, 0) << reported.text;
   EXPECT_HAS(reported.text, "perfect-position-ideal is in the table but has no map");
-  const ordered_json index = ordered_json::parse(script(text_of(page_file()), "index"));
+  const ordered_json index = ordered_json::parse(script(safety::bytes(page_file()), "index"));
   std::vector<std::string> blocks;
   for (const ordered_json& one : index.at("blocks")) blocks.push_back(one.at("id"));
   EXPECT_EQ(blocks, (std::vector<std::string>{"figures", "pictures"}));
@@ -217,7 +213,7 @@ TEST_F(SavedFolder, AMapWithoutFormHasTheResidualAlone) {
   const safety::Ran reported = report();
   ASSERT_EQ(reported.code, 0) << reported.text;
   EXPECT_HAS(reported.text, map_file(names[2]).string() + " has no form_um");
-  const ordered_json index = ordered_json::parse(script(text_of(page_file()), "index"));
+  const ordered_json index = ordered_json::parse(script(safety::bytes(page_file()), "index"));
   EXPECT_TRUE(index.at("arrays").contains("residual2"));
   EXPECT_FALSE(index.at("arrays").contains("form0"));
 }
@@ -249,7 +245,7 @@ TEST_F(SavedFolder, ValuesThatNoPageCanHoldAreRefusedByName) {
 }
 
 TEST_F(SavedFolder, ACaseThatNamesAnotherFolderOrComesTwiceIsRefused) {
-  const std::string text = text_of(folder / "comparison.json");
+  const std::string text = safety::bytes(folder / "comparison.json");
   const std::string name = "\"name\": \"uncompensated\"";
   const std::size_t at = text.find(name);
   ASSERT_NE(at, std::string::npos);
@@ -268,12 +264,12 @@ TEST_F(SavedFolder, ACaseThatNamesAnotherFolderOrComesTwiceIsRefused) {
 
 TEST_F(SavedFolder, NoPageReplacesWhatItIsMadeOf) {
   for (const fs::path& file : {folder / "comparison.json", map_file(names[1])}) {
-    const std::string before = text_of(file);
+    const std::string before = safety::bytes(file);
     const safety::Ran refused =
         safety::run("report " + folder.string() + " --force -o " + file.string());
     EXPECT_EQ(refused.code, 5);
     EXPECT_HAS(refused.text, "expected a folder, seen a file");
-    EXPECT_EQ(text_of(file), before);
+    EXPECT_EQ(safety::bytes(file), before);
   }
 }
 

@@ -4,47 +4,22 @@
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <csignal>
+#include "tests/safety/program_run.h"
 #include "tests/test.h"
 
 /// Folders and processes of the tests of journal, farm and Slurm.
 namespace abbe::sim::study {
 
 /// A folder of its own for one test, gone afterwards.
-class RunFolder {
- public:
-  RunFolder() {
-    std::string name = (fs::temp_directory_path() / "abbe_study_XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) throw std::runtime_error("no temporary folder");
-    path_ = name;
-  }
-  ~RunFolder() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  RunFolder(const RunFolder&) = delete;
-  RunFolder& operator=(const RunFolder&) = delete;
-
-  fs::path operator/(const std::string& name) const { return path_ / name; }
-  const fs::path& path() const { return path_; }
-
+struct RunFolder : safety::Folder {
   /// A folder in it.
   fs::path folder(const std::string& name) const {
-    fs::create_directories(path_ / name);
-    return path_ / name;
+    fs::create_directories(*this / name);
+    return *this / name;
   }
-  fs::path write(const std::string& name, const std::string& text) const {
-    std::ofstream(path_ / name, std::ios::binary) << text;
-    return path_ / name;
-  }
-
- private:
-  fs::path path_;
 };
 
-inline std::string text_of(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
+inline std::string text_of(const fs::path& file) { return safety::bytes(file); }
 
 inline bool has(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
