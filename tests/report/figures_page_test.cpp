@@ -28,16 +28,15 @@ ordered_json index_of(const fs::path& page) {
   return ordered_json::parse(html.substr(from + begin.size(), to - from - begin.size()));
 }
 
+bool has_block(const ordered_json& index, const std::string& id) {
+  return std::ranges::any_of(index.at("blocks"),
+                             [&](const ordered_json& one) { return one.at("id") == id; });
+}
+
 const ordered_json& block(const ordered_json& index, const std::string& id) {
   for (const ordered_json& one : index.at("blocks"))
     if (one.at("id") == id) return one;
   throw std::out_of_range("no block " + id);
-}
-
-bool has_block(const ordered_json& index, const std::string& id) {
-  for (const ordered_json& one : index.at("blocks"))
-    if (one.at("id") == id) return true;
-  return false;
 }
 
 /// The place of a column by its label.
@@ -191,9 +190,7 @@ TEST_F(StudyPages, AStudyWithoutAPageTakesAnOldOneAway) {
 }
 
 TEST_F(StudyPages, ABrokenOrForeignFolderIsRefusedByFile) {
-  const fs::path broken = *folder / "broken";
-  fs::create_directories(broken);
-  put(broken / "budget.json", budget.dump());
+  const fs::path broken = folder->write("broken/budget.json", budget.dump()).parent_path();
   const auto refused = [&](const std::string& text, const std::string& expected) {
     if (!text.empty()) put(broken / "page.json", text);
     const Ran ran = safety::run("report " + broken.string());
@@ -204,7 +201,6 @@ TEST_F(StudyPages, ABrokenOrForeignFolderIsRefusedByFile) {
   };
   refused("", "no such file, as in results of older versions");
   refused("{", "text that is not JSON");
-  refused("[]", "array");
   refused(budget.dump(), "title");
   refused(std::string(1000, '[') + std::string(1000, ']'), "nested brackets");
   const auto changed = [&](const std::string& pointer, const ordered_json& value) {
@@ -213,9 +209,7 @@ TEST_F(StudyPages, ABrokenOrForeignFolderIsRefusedByFile) {
     return other.dump();
   };
   for (const auto& [key, value] : saved.items()) {
-    ordered_json other = saved;
-    other.erase(key);
-    refused(other.dump(), key);
+    refused(saved.patch({{{"op", "remove"}, {"path", "/" + key}}}).dump(), key);
     refused(changed("/" + key, 3), "json.exception.type_error");
   }
   refused(changed("/blocks/0/id", 3), "type must be string");
@@ -236,21 +230,20 @@ TEST_F(StudyPages, AChangedPageIsSaidAndAnInjuredOneIsHarmless) {
   put(copy / "page.json", page.dump());
   ASSERT_EQ(safety::run("report " + copy.string()).code, 0);
   const std::string html = safety::bytes(copy / "report.html");
-  EXPECT_EQ(html.find("<script>alert"), std::string::npos);
   EXPECT_HAS(html, "page.json was changed after abbe wrote it");
-  EXPECT_EQ(html.find("budget.json was changed"), std::string::npos);
+  for (const char* text : {"<script>alert", "budget.json was changed"})
+    EXPECT_EQ(html.find(text), std::string::npos) << text;
   std::mt19937 random(1);
   int shown = 0;
   for (int k = 0; k < 300; ++k) {
     put(copy / "page.json", injured(page.dump(), "\"{}[]:,<>/\\0null", 4, random));
-    const std::string refusal = thrown_text<BadInput>([&] {
-      const std::string text = page_html(read_page(copy / "page.json", {}));
-      EXPECT_EQ(text.find("<script>alert"), std::string::npos) << k;
-    });
-    shown += refusal.empty();
+    const auto show = [&] {
+      const FiguresPage injured_page = read_page(copy / "page.json", {});
+      EXPECT_EQ(page_html(injured_page).find("<script>alert"), std::string::npos) << k;
+    };
+    shown += thrown_text<BadInput>(show).empty();
   }
-  EXPECT_GT(shown, 0);
-  EXPECT_LT(shown, 300);
+  EXPECT_TRUE(shown > 0 && shown < 300) << shown;
 }
 
 // --- an identification
@@ -377,10 +370,6 @@ TEST_F(IdentificationPages, AnEvaluationShowsTheFiguresOfItsFile) {
       safety::run("report " + out.string() + " -o " + (*folder / "saved_laser.html").string());
   ASSERT_EQ(saved.code, 0) << saved.text;
   EXPECT_EQ(index_of(*folder / "saved_laser.html"), page);
-  fs::remove(out / "page.json");
-  const Ran refused = safety::run("report " + out.string());
-  EXPECT_EQ(refused.code, 3);
-  EXPECT_HAS(refused.text, "page.json: expected a page saved by abbe study, identify or evaluate");
 }
 
 // --- saved cases

@@ -2,6 +2,7 @@
 #include "kinematics/text.h"
 #include "sim/files/output.h"
 #include "sim/study/run_study.h"
+#include "sim/study/study_charts.h"
 #include "sim/study/study_text.h"
 #include "tests/study/synthetic_budget.h"
 #include "tests/test.h"
@@ -516,6 +517,20 @@ TEST_F(BudgetPictures, ThatCannotBeWrittenAreAnOutputFailure) {
 }
 
 #endif
+
+TEST(StudyPage, OfManyMachinesShowsEveryNthByRank) {
+  Budget budget = compute_budget({.inputs = 3, .configurations = 1});
+  budget.configurations[0].responses[0].values = VectorXd::LinSpaced(50001, 1e-3, 0.0);
+  const FiguresPage page = study_page(budget, {}, {});
+  EXPECT_FALSE(page_html(page).empty());
+  for (const nlohmann::ordered_json& block : page.blocks) {
+    if (block.at("id") != "distribution-pv") continue;
+    const std::vector<double> values = block.at("series")[0].at("values");
+    EXPECT_EQ(values.size(), 20000u);
+    EXPECT_EQ(std::pair(values.front(), values.back()), std::pair(0.0, 1.0));
+  }
+  EXPECT_HAS(page.warnings.back(), "of 50001 random machines of uncompensated, PV, the report");
+}
 
 }  // namespace
 }  // namespace abbe::sim::study
