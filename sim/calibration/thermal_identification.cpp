@@ -30,8 +30,6 @@ using identification::CompositeStatus;
 using identification::Regression;
 using Sensors = std::vector<std::string>;
 
-constexpr double um_per_m = 1e-6;
-
 /// Runs of one axis, one for each start.
 struct AxisRuns {
   std::vector<CompositeRun> runs;

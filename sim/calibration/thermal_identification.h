@@ -17,6 +17,8 @@
 /// Identification of thermal beliefs: positioning from several starts, and readings over a day.
 namespace abbe::sim {
 
+inline constexpr double um_per_m = 1e-6;  ///< of a slope, mm per mm
+
 /// Options of the composite method.
 struct CompositeIdentification {
   std::vector<std::string> sensors;  ///< temperatures on whose changes the slopes are regressed

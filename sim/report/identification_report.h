@@ -11,8 +11,6 @@
 
 namespace abbe::sim {
 
-inline constexpr double um_per_m = 1e-6;  ///< of a slope, mm per mm
-
 /// A coefficient of a geometric belief, um or urad.
 struct ParameterEstimate {
   std::string name;     ///< "EXX[2]"
