@@ -483,16 +483,15 @@ using compensation::ControlFormat;
 /// controls take tables of corrections.
 compensation::ControlExport export_files(const Job& job, const LearnedCorrection& learn_correction,
                                          ControlFormat format) {
-  const kinematics::Chain& control = job.machine.control;
+  const ControlView view = make_table_view(job);
+  const kinematics::Chain& control = view.machine.control;
   try {
     if (format != ControlFormat::Isg)
-      return compensation::to_control(
-          correction_tables(make_control_view(job, job), learn_correction.corrector), control,
-          format);
+      return compensation::to_control(correction_tables(view, learn_correction.corrector), control,
+                                      format);
     if (!learn_correction.geometric)
       throw std::invalid_argument("expected identified geometric errors, seen none");
-    return compensation::to_volumetric(*learn_correction.geometric, control,
-                                       table_options(make_control_view(job, job)));
+    return compensation::to_volumetric(*learn_correction.geometric, control, table_options(view));
   } catch (const std::logic_error& error) {  // including out_of_range: a table of the belief is too
                                              // short
     throw BadInput(job.scene.file.string(), 0, 0, "a correction that fits into tables",
@@ -524,6 +523,8 @@ ExportOutcome export_tables(const std::filesystem::path& file, const ExportOptio
   progress.report("tables", 0.0);
   const compensation::ControlExport output = export_files(job, correction, format);
   ExportOutcome outcome{scene.title, options.case_name, format, {}, output.omissions, output.notes};
+  if (std::string text = table_tool_text(job); !text.empty())
+    outcome.notes.push_back(std::move(text));
   for (const compensation::ControlFile& control_file : output.files) {
     write_file(folder / control_file.name, control_file.text);
     outcome.files.push_back((folder / control_file.name).path());

@@ -160,9 +160,6 @@ void check_tool_count(const Job& job, const CaseDescription& compensator) {
     return compensator.plug_in.empty() &&
            is_belief_enabled(job.scene.belief, compensator.belief, kind);
   };
-  require_single_tool(job, compensator,
-                      channel_of(job.scene, compensator) == CaseDescription::Channel::Table,
-                      "the channel table, whose tables apply to the tip of one tool");
   require_single_tool(job, compensator, is_used(Belief::Part),
                       "the belief part, which corrects the tool that cut the part");
   require_single_tool(job, compensator, is_used(Belief::Force),
@@ -192,10 +189,13 @@ CaseDescription::Channel channel_of(const Scene& scene, const CaseDescription& c
   return compensator.plug_in.empty() ? compensator.channel : scene.compensation.plug_in.channel;
 }
 
-ControlView make_control_view(const Job& job, const Segment& segment) {
-  const Scene& scene = segment.scene;
+namespace {
+
+/// Returns the view of a tool that runs a program, its own or that of all tools.
+ControlView control_view(const Job& job, const Segment& tool, const Segment& program) {
+  const Scene& scene = tool.scene;
   return {scene.file,
-          segment.machine,
+          tool.machine,
           {scene.tool.name, scene.tool.length, scene.tool.nominal},
           scene.datum,
           scene.belief,
@@ -203,12 +203,31 @@ ControlView make_control_view(const Job& job, const Segment& segment) {
           scene.seed,
           scene.chord_tolerance,
           scene.cutting.has_value(),
-          nc_options(scene, segment.machine),
-          segment.sampling,
-          segment.path,
-          segment.samples,
-          segment.T_wt_nominal,
+          nc_options(scene, tool.machine),
+          program.sampling,
+          program.path,
+          program.samples,
+          program.T_wt_nominal,
           job.design_w};
+}
+
+}  // namespace
+
+ControlView make_control_view(const Job& job, const Segment& segment) {
+  return control_view(job, segment, segment);
+}
+
+ControlView make_table_view(const Job& job) {
+  return control_view(job, tool_segments(job).front(), job);
+}
+
+std::string table_tool_text(const Job& job) {
+  if (job.segments.empty()) return {};
+  const ToolDescription& tool = job.segments.front().scene.tool;
+  return fmt::format(
+      "the tables correct the tip of T{}, the first tool of the program, {:g} mm long; of another "
+      "length they leave what errors of angle do over the difference",
+      *tool.number, tool.length);
 }
 
 MachineAccess make_machine_access(const Job& job, const Segment& segment, const Process& before) {
@@ -271,13 +290,37 @@ compensation::ControlLog control_log(const Segment& segment, const Commands& com
 
 LearnedCorrection learn_correction(const Job& job, const CaseDescription& compensator,
                                    const Progress& progress) {
-  require_single_tool(job, compensator, true, "tables, which apply to the tip of one tool");
-  return learn_correction(make_control_view(job, job), make_machine_access(job, job, {}),
+  const Segment& first = tool_segments(job).front();
+  return learn_correction(make_control_view(job, first), make_machine_access(job, first, {}),
                           compensator, progress);
 }
 
+namespace {
+
+/// Returns the commands of a job with several tools through one set of tables. A control applies
+/// its tables whichever tool runs.
+Commands compensate_by_tables(const Job& job, const CaseDescription& compensator,
+                              const Progress& progress) {
+  const auto segments = job_segments(job);
+  LearnedCorrection correction = learn_correction(job, compensator, progress);
+  correction.tables =
+      control_tables(make_table_view(job), correction.corrector, correction.geometric);
+  correction.warnings.push_back(table_tool_text(job));
+  std::vector<Commands> commands;
+  for (const Segment& segment : segments)
+    commands.push_back(compensated_commands(make_control_view(job, segment),
+                                            make_machine_access(job, segment, {}), compensator,
+                                            correction));
+  return joined(std::move(commands));
+}
+
+}  // namespace
+
 Commands compensate(const Job& job, const CaseDescription& compensator, const Progress& progress) {
   check_tool_count(job, compensator);
+  if (!job.segments.empty() &&
+      channel_of(job.scene, compensator) == CaseDescription::Channel::Table)
+    return compensate_by_tables(job, compensator, progress);
   const bool rewrites = channel_of(job.scene, compensator) == CaseDescription::Channel::Program;
   const auto segments = job_segments(job);
   std::vector<Commands> commands_by_segment;

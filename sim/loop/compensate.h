@@ -31,6 +31,12 @@ CaseDescription::Channel channel_of(const Scene& scene, const CaseDescription& c
 /// must outlive the result.
 ControlView make_control_view(const Job& job, const Segment& segment);
 
+/// Returns the view for which the tables of a control are made: the first tool of the program, and
+/// the program of all tools.
+ControlView make_table_view(const Job& job);
+/// Returns a text that names the tool of that view; empty for a single tool.
+std::string table_tool_text(const Job& job);
+
 /// Returns the operations that a compensator may request from the machine while it runs a segment
 /// of a job. The arguments must outlive the result.
 /// @param before  has the stock that earlier tools have left; without a stock the blank is cut
@@ -42,7 +48,7 @@ MachineAccess make_machine_access(const Job& job, const Segment& segment, const 
 compensation::ControlLog control_log(const Segment& segment, const Commands& commands,
                                      const Process& process);
 
-/// Learns the correction of the program of a case.
+/// Learns the correction of a case for the first tool of the program.
 /// @throws BadInput, PlugInFailure  as `learn_correction` with a control view
 LearnedCorrection learn_correction(const Job& job, const CaseDescription& compensator,
                                    const Progress& progress = {});

@@ -350,46 +350,49 @@ compensation::ParameterTables correction_tables(const ControlView& view,
   }
 }
 
-TableCorrector table_corrector(const ControlView& view, const Corrector& corrector,
-                               const std::optional<errors::GeometricModel>& believed) {
-  const CompensationDescription::Table& table = view.compensation.table;
+ControlTables control_tables(const ControlView& view, const Corrector& corrector,
+                             const std::optional<errors::GeometricModel>& believed) {
+  const auto& format = view.compensation.table.format;
   const kinematics::Chain& control = view.machine.control;
   try {
-    if (!table.format) return {apply_tables(correction_tables(view, corrector)), {}};
-    if (*table.format != compensation::ControlFormat::Isg) {
-      // The tables are read back from the control's files, so that rounding and limits of the
-      // format have their effect.
-      compensation::ControlExport exported =
-          compensation::to_control(correction_tables(view, corrector), control, *table.format);
-      return {
-          apply_tables(compensation::read_control_tables(exported.files, control, *table.format)),
-          std::move(exported.omissions)};
-    }
-    // A volumetric table contains deviations of the axes, from which the control corrects the
-    // position.
-    if (!believed)
+    if (!format) return {correction_tables(view, corrector), {}};
+    const bool is_volumetric = *format == compensation::ControlFormat::Isg;
+    if (is_volumetric && !believed)
       throw std::invalid_argument("identified geometric errors for a volumetric table");
     compensation::ControlExport exported =
-        compensation::to_volumetric(*believed, control, table_options(view));
-    CaseDescription position;
-    position.strategy = compensation::Strategy::Position;
-    const compensation::MachineBelief table_belief{
-        control,
-        view.machine.workpiece_spindle,
-        errors::bind(compensation::read_volumetric_deviations(exported.files, control), control),
-        {},
-        {},
-        {},
-        {}};
-    return {belief_corrector(view, position,
-                             [table_belief](const AxisState& state) {
-                               return tool_in_workpiece(table_belief, state);
-                             }),
+        is_volumetric
+            ? compensation::to_volumetric(*believed, control, table_options(view))
+            : compensation::to_control(correction_tables(view, corrector), control, *format);
+    // The tables are read back from the control's files, so that rounding and limits of the format
+    // have their effect.
+    if (is_volumetric)
+      return {compensation::read_volumetric_deviations(exported.files, control),
+              std::move(exported.omissions)};
+    return {compensation::read_control_tables(exported.files, control, *format),
             std::move(exported.omissions)};
   } catch (const std::logic_error&
                exception) {  // including out_of_range, if a table of the belief ends too soon
     throw_tables_error(view, exception);
   }
+}
+
+Corrector table_corrector(const ControlView& view, const ControlTables& tables) {
+  if (const auto* corrections = std::get_if<compensation::ParameterTables>(&tables.values))
+    return apply_tables(*corrections);
+  const kinematics::Chain& control = view.machine.control;
+  CaseDescription position;
+  position.strategy = compensation::Strategy::Position;
+  const compensation::MachineBelief table_belief{
+      control,
+      view.machine.workpiece_spindle,
+      errors::bind(std::get<errors::GeometricErrors>(tables.values), control),
+      {},
+      {},
+      {},
+      {}};
+  return belief_corrector(view, position, [table_belief](const AxisState& state) {
+    return tool_in_workpiece(table_belief, state);
+  });
 }
 
 }  // namespace abbe::sim

@@ -1,5 +1,10 @@
 #pragma once
 
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
 #include "sim/compensation/machine_belief.h"
 #include "sim/loop/control_view.h"
 
@@ -54,17 +59,22 @@ Corrector belief_corrector(const ControlView& view, const CaseDescription& compe
 Corrector plug_in_corrector(const ControlView& view, const CaseDescription& compensator,
                             compensation::ControlLog log);
 
-/// Corrector by tables, after they were written and read back in the format of the scene's control.
-struct TableCorrector {
-  Corrector corrector;
+/// Tables of a control, after they were written and read back in the format of the scene's control.
+struct ControlTables {
+  /// Corrections of the axes, or of a volumetric format the deviations from which the control
+  /// corrects the position.
+  std::variant<compensation::ParameterTables, errors::GeometricErrors> values;
   std::vector<std::string> omissions;  ///< corrections that the format cannot represent
 };
 /// Converts a corrector into tables.
-/// @param believed  errors for a volumetric format, which contains deviations instead of
-/// corrections
+/// @param view  of the tool whose tip the tables correct, with the program of all tools
+/// @param believed  errors for a volumetric format
 /// @throws BadInput naming the scene if tables cannot be made
-TableCorrector table_corrector(const ControlView& view, const Corrector& corrector,
-                               const std::optional<errors::GeometricModel>& believed);
+ControlTables control_tables(const ControlView& view, const Corrector& corrector,
+                             const std::optional<errors::GeometricModel>& believed);
+
+/// Returns the corrector by tables while a tool runs, the one for which they were made or another.
+Corrector table_corrector(const ControlView& view, const ControlTables& tables);
 
 /// Returns the layout of the scene's tables. They extend over the travel. For an axis of more than
 /// one turn or without limits they extend over the range of the program, since a table has too few

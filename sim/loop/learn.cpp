@@ -84,11 +84,12 @@ RangeVisitor single_range(const ControlView& view) {
 Commands deliver_correction(const ControlView& view, const MachineAccess& machine_access,
                             const CaseDescription& compensator, LearnedCorrection case_correction) {
   if (compensator.channel == Channel::Table) {
-    TableCorrector tables =
-        table_corrector(view, case_correction.corrector, case_correction.geometric);
-    case_correction.corrector = std::move(tables.corrector);
+    if (!case_correction.tables)
+      case_correction.tables =
+          control_tables(view, case_correction.corrector, case_correction.geometric);
+    case_correction.corrector = table_corrector(view, *case_correction.tables);
     case_correction.at_datum = {};  // tables are always active
-    for (const std::string& omission : tables.omissions)
+    for (const std::string& omission : case_correction.tables->omissions)
       case_correction.warnings.push_back("table: " + omission);
   }
   const Corrector& corrector = case_correction.corrector;

@@ -3,6 +3,7 @@
 #include "sim/files/progress.h"
 #include "sim/loop/control_view.h"
 #include "sim/loop/correction_channels.h"
+#include "sim/loop/correctors.h"
 
 /// Learning of a correction in passes, and its application through a channel.
 namespace abbe::sim {
@@ -15,6 +16,9 @@ struct LearnedCorrection {
   Corrector at_datum;
   std::optional<errors::GeometricModel> geometric;  ///< geometric belief alone
   std::vector<std::string> warnings;
+  /// Tables of the machine, which act whichever tool runs. Without them the channel `table` makes
+  /// them for the tool that runs.
+  std::optional<ControlTables> tables = {};
 };
 
 /// Learns the correction of a case from runs and measured parts.

@@ -2,6 +2,8 @@
 #include "sim/cut/placement.h"
 #include "sim/cut/placement_suggestion.h"
 #include "sim/cut/tool_poses.h"
+#include "sim/loop/correctors.h"
+#include "sim/loop/learn.h"
 #include "tests/sim/odd_scenes.h"
 #include "tests/sim/refusal.h"
 #include "tests/test.h"
@@ -281,8 +283,51 @@ TEST_F(SeveralTools, WhatTheyDoNotGoWithIsRefused) {
                   "generator = \"raster\"\n",
                   packaged("").string(), both, flat_part),
       "expected one tool for a generator; several tools need a program file, seen 2 tools");
-  const Job ready = job(both, program, crooked);
-  EXPECT_THROW(compensate(ready, parse_case("perfect-iterated-table")), BadInput);
+}
+
+// The tables of a control know no tools: they are made for the tip of the first, and move the axes
+// alike under the second, whose tip keeps the difference of both errors.
+TEST_F(SeveralTools, TablesOfTheFirstActUnderAll) {
+  const std::string first = passes(1, -7, 1, 0.0);
+  const CaseDescription compensator = parse_case("perfect-iterated-table");
+  for (const char* format : {"", "format = \"siemens\"\n"}) {
+    const std::string more =
+        crooked + "[compensation.table]\nreference = { X_mm = 0, Y_mm = 0, Z_mm = 0 }\n" + format;
+    const Job both = job(listed({t1, t2}), first + passes(2, -1, 7, 0.02), more);
+    const Commands commands = compensate(both, compensator);
+    ASSERT_EQ(commands.segments.size(), 2u);
+    ASSERT_FALSE(commands.warnings.empty());
+    EXPECT_HAS(commands.warnings.front(), "the tables correct the tip of T1");
+    const Job alone = job("[tool]\n" + t1, first, more);
+    const ControlTables tables =
+        control_tables(make_table_view(alone), learn_correction(alone, compensator).corrector, {});
+    double largest = 0.0, apart = 0.0, longest = 0.0;
+    for (std::size_t tool = 0; tool < 2; ++tool) {
+      const auto& states = both.segments[tool].samples.states;
+      for (std::size_t i = 0; i < states.size(); ++i) {
+        const kinematics::AxisVector expected = compensation::correction(
+            std::get<compensation::ParameterTables>(tables.values), states[i]);
+        largest = std::max(largest, expected.norm());
+        apart = std::max(apart, (commands.segments[tool].correction[i] - expected).norm());
+      }
+    }
+    for (std::size_t i = 0; i < both.segments[1].samples.states.size(); ++i) {
+      const auto tip_error = [&](const Truth& truth, const Machine& machine) {
+        const kinematics::AxisState& state = both.segments[1].samples.states[i];
+        return Vector3d(tool_in_workpiece(truth, state).translation() -
+                        machine.nominal.tool_in_workpiece(state.q).translation());
+      };
+      longest = std::max(longest, (tip_error(both.segments[1].truth, both.segments[1].machine) -
+                                   tip_error(both.segments[0].truth, both.segments[0].machine))
+                                      .norm());
+    }
+    std::cout << "corrections of up to " << largest << " mm, " << apart
+              << " mm from those of the first tool alone; the second has another error by "
+              << longest << " mm\n";
+    EXPECT_GT(largest, 5e-3);
+    EXPECT_LT(apart, 1e-12);
+    EXPECT_GT(longest, 2e-3) << "so tables for its own tip would be others";
+  }
 }
 
 const std::string block =
