@@ -21,12 +21,12 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Values cut off at the band, in a field of the skin.
-enum class CutOffValues { Included, Excluded };
+/// Whether a field of the skin includes the values beyond the band.
+enum class ValuesBeyondBand { Included, Excluded };
 
 /// Returns the deviations as a field on the skin of the body. Compared vertices have the status
 /// cut, all others the status outside.
-Field skin_field(const StockField& stock, CutOffValues cut_off_values) {
+Field skin_field(const StockField& stock, ValuesBeyondBand values_beyond_band) {
   Field field;
   field.design.vertices = stock.mesh.vertices_w;
   field.design.triangles = stock.mesh.triangles;
@@ -35,12 +35,12 @@ Field skin_field(const StockField& stock, CutOffValues cut_off_values) {
   field.deviation_um = stock.deviation_um;
   for (Eigen::Index i = 0; i < stock.deviation_um.size(); ++i) {
     const auto status = cutting::SkinStatus(stock.compared[std::size_t(i)]);
-    const bool is_shown =
-        status == cutting::SkinStatus::Compared ||
-        (cut_off_values == CutOffValues::Included && status == cutting::SkinStatus::CutOff);
+    const bool is_shown = status == cutting::SkinStatus::Compared ||
+                          (values_beyond_band == ValuesBeyondBand::Included &&
+                           status == cutting::SkinStatus::BeyondBand);
     field.status.push_back(is_shown ? 0 : 2);
-    // A value cut off at the band is increased, so that it gets the colour beyond the scale.
-    if (status == cutting::SkinStatus::CutOff) field.deviation_um[i] *= 1.01;
+    // A value limited to the band is increased, so that it gets the colour beyond the scale.
+    if (status == cutting::SkinStatus::BeyondBand) field.deviation_um[i] *= 1.01;
     if (!is_shown) field.deviation_um[i] = std::numeric_limits<double>::quiet_NaN();
   }
   return field;
@@ -183,8 +183,8 @@ void write_stock_picture(const std::filesystem::path& path, const StockPicture& 
   require(stock.mesh.triangles.rows() > 0, "stock: there is nothing to draw");
   require(std::size_t(stock.deviation_um.size()) == n && stock.compared.size() == n,
           "stock: expected one deviation per vertex");
-  const Field field = skin_field(stock, CutOffValues::Included);
-  const Span ends = scale_ends(skin_field(stock, CutOffValues::Excluded));
+  const Field field = skin_field(stock, ValuesBeyondBand::Included);
+  const Span ends = scale_ends(skin_field(stock, ValuesBeyondBand::Excluded));
   const ColourScale scale = colour_scale(ends.lower, ends.upper);
 
   const TypeSizes type = type_sizes(picture.width, picture.height);

@@ -20,34 +20,38 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Maximum travel along one pass between the cuts of the ends of an edge, in lengths of the edge.
+// Maximum tool travel between the cuts of the two ends of an edge on one pass, in edge lengths.
 constexpr double max_pass_travel = 4.0;
-// Fraction of an edge; a crest nearer to an end is resolved by shorter edges.
+// A crest nearer to an end than this fraction of the edge is left to shorter edges.
 constexpr double crest_margin = 0.1;
 
 /// Returns the derivative with respect to u of the point on an edge at its end `from`, by a
 /// difference quotient, because the surface is given only by its points.
 Vector3d edge_tangent(const SurfaceInterpolator& on_surface, const Knot& from, const Knot& to) {
   constexpr double step = 1e-3;
-  return (between(on_surface, from, to, step).point - from.point) / step;
+  return (point_between(on_surface, from, to, step).point - from.point) / step;
 }
 
 /// Returns the distance from the first of two points of an edge to the crest at which the passes
 /// through them cross, both with curvature k.
 /// @param r0, s0, r1, s1  residual and slope at the first and the second point
+/// @param width  distance between the two points
 double crossing(double r0, double s0, double r1, double s1, double width, double k) {
-  const double closing = s0 - s1 + k * width;
+  // Residual and slope of the second pass, minus those of the first, at the first point. The
+  // curvatures are equal, so the difference is linear: gap - closing_rate * distance.
+  const double closing_rate = s0 - s1 + k * width;
   const double gap = r1 - r0 - s1 * width + 0.5 * k * width * width;
-  return gap / closing;
+  return gap / closing_rate;
 }
 
 }  // namespace
 
-bool is_one_pass(const Knot& a, const Knot& b, double length) {
+bool are_on_one_pass(const Knot& a, const Knot& b, double length) {
   return std::abs(a.travel - b.travel) < max_pass_travel * length;
 }
 
-Contact between(const SurfaceInterpolator& on_surface, const Knot& a, const Knot& b, double u) {
+Contact point_between(const SurfaceInterpolator& on_surface, const Knot& a, const Knot& b,
+                      double u) {
   const std::array<Contact, 2> corners = {a.contact(), b.contact()};
   const std::array<double, 2> weights = {1.0 - u, u};
   return on_surface(corners, weights);
@@ -56,7 +60,7 @@ Contact between(const SurfaceInterpolator& on_surface, const Knot& a, const Knot
 Span edge_span(const SurfaceInterpolator& on_surface, const Knot& a, const Knot& b) {
   return {a.residual, b.residual, -a.gradient.dot(edge_tangent(on_surface, a, b)),
           b.gradient.dot(edge_tangent(on_surface, b, a)),
-          is_one_pass(a, b, (b.point - a.point).norm())};
+          are_on_one_pass(a, b, (b.point - a.point).norm())};
 }
 
 std::optional<double> crest_fraction(const SurfaceInterpolator& on_surface, const Knot& a,
@@ -90,13 +94,14 @@ bool are_all_cut(const Surface& surface, const Eigen::RowVector3i& corners) {
 }  // namespace
 
 Surface sample_within_triangles(Surface surface, const Design& design,
-                                Surface::InteriorSample within,
+                                Surface::InteriorSample sample,
                                 const SurfaceInterpolator& on_surface,
                                 const std::function<Surface(const Design&)>& surface_at) {
-  require(surface.residual.size() == design.vertices.rows(), "with_places_within: sizes differ");
-  surface.interior_sample = within;
+  require(surface.residual.size() == design.vertices.rows(),
+          "sample_within_triangles: sizes differ");
+  surface.interior_sample = sample;
   surface.within.resize(0);
-  if (within == Surface::InteriorSample::None) return surface;
+  if (sample == Surface::InteriorSample::None) return surface;
   std::vector<Index> triangles;
   for (Index t = 0; t < design.triangles.rows(); ++t)
     if (are_all_cut(surface, design.triangles.row(t))) triangles.push_back(t);
@@ -106,7 +111,7 @@ Surface sample_within_triangles(Surface surface, const Design& design,
     std::array<Contact, 3> corner_contacts;
     for (Index k = 0; k < 3; ++k)
       corner_contacts[std::size_t(k)] = vertex_contact(design, corners[k]);
-    contacts[i] = on_surface(corner_contacts, sample_barycentric(within, triangles[i]));
+    contacts[i] = on_surface(corner_contacts, sample_barycentric(sample, triangles[i]));
   });
   surface.within =
       Eigen::VectorXd::Constant(design.triangles.rows(), std::numeric_limits<double>::quiet_NaN());

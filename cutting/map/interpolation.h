@@ -35,16 +35,14 @@ struct Span {
   /// Returns the u at which the tangents at the ends meet: half way for a parabola, the corner for
   /// two lines.
   double tangent_crossing() const { return (r_b - r_a - slope_b) / (slope_a - slope_b); }
-  /// Returns the deviation at the middle between the cubic with these ends and the straight line,
-  /// mm.
+  /// Returns the deviation of the cubic with these ends from the straight line at the middle, mm.
   double middle_deviation() const { return std::abs(slope_a - slope_b) / 8.0; }
   /// Returns the maximum deviation of the cubic from a parabola with the same ends and mean slope,
   /// mm, to within a few per cent.
   double max_parabola_deviation() const {
     return 0.1 * std::abs(0.5 * (slope_a + slope_b) - (r_b - r_a));
   }
-  /// Returns the maximum deviation of the cubic from the straight line, mm, to within a few per
-  /// cent.
+  /// Returns the maximum deviation of the cubic from the straight line, mm, within a few per cent.
   double max_deviation() const {
     const double rise = r_b - r_a;
     return 0.15 * std::max(std::abs(slope_a - rise), std::abs(slope_b - rise));
@@ -56,7 +54,7 @@ Span edge_span(const SurfaceInterpolator& on_surface, const Knot& a, const Knot&
 /// Returns true if the travel of the tool between the cuts of the two ends of an edge is short
 /// enough for a single pass.
 /// @param length  mm, of the edge
-bool is_one_pass(const Knot& a, const Knot& b, double length);
+bool are_on_one_pass(const Knot& a, const Knot& b, double length);
 
 /// Returns the residual at fraction u of an edge by linear interpolation.
 inline double interpolate_linearly(const Knot& a, const Knot& b, double u) {
@@ -64,7 +62,8 @@ inline double interpolate_linearly(const Knot& a, const Knot& b, double u) {
 }
 
 /// Returns the point of the surface at fraction u from one knot to another.
-Contact between(const SurfaceInterpolator& on_surface, const Knot& a, const Knot& b, double u);
+Contact point_between(const SurfaceInterpolator& on_surface, const Knot& a, const Knot& b,
+                      double u);
 
 /// The result of probing an edge.
 struct EdgeProbe {
@@ -79,11 +78,11 @@ struct EdgeProbe {
 std::optional<double> crest_fraction(const SurfaceInterpolator& on_surface, const Knot& a,
                                      const Knot& b, const EdgeProbe& probe);
 
-/// Returns the map with a sample within every triangle whose corners are cut, at its
-/// `place_within`.
+/// Returns the map with a sample within every triangle whose corners are cut, at the point of
+/// `sample_barycentric`.
 /// @param surface_at  computes the surface at the vertices of a design
 Surface sample_within_triangles(Surface surface, const Design& design,
-                                Surface::InteriorSample within,
+                                Surface::InteriorSample sample,
                                 const SurfaceInterpolator& on_surface,
                                 const std::function<Surface(const Design&)>& surface_at);
 

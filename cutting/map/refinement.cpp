@@ -35,7 +35,7 @@ class Refinement {
     int edge;
     std::array<int, 2> ends;
     EdgeProbe probe;
-    std::array<int, 2> across = {-1, -1};  ///< corners between which a flip was already tried
+    std::array<int, 2> tried_diagonal = {-1, -1};  ///< corners that a flip already tried joins
   };
   /// A point of an edge that is to be probed.
   struct ProbePosition {
@@ -48,13 +48,13 @@ class Refinement {
   struct FaceProbe {
     int face = -1;
     Contact contact;
-    double plane = 0.0;        ///< mm, residual by linear interpolation
-    bool is_doubtful = false;  ///< the slopes at the corners do not exclude an error
+    double linear_residual = 0.0;  ///< mm, residual by linear interpolation
+    bool is_doubtful = false;      ///< the slopes at the corners do not exclude an error
   };
   /// Result of probing faces.
   struct FaceSplits {
     std::vector<int> new_edges;
-    double missed_fraction = 0.0;  ///< of the faces with too large an error, split or not
+    double inaccurate_fraction = 0.0;  ///< of the faces with too large an error, split or not
   };
 
   std::vector<Knot> probe_points(const std::vector<Contact>& contacts,
@@ -66,15 +66,15 @@ class Refinement {
   void add_pending(const std::vector<int>& edges, std::vector<EdgeProbe> probes);
   void require_split(std::vector<int> edges);
   std::vector<int> longer_edges(const PendingEdge& pending, double level) const;
-  std::vector<char> ready_edges(double level);
+  std::vector<char> select_ready_edges(double level);
   std::vector<int> split_edges(double level, Eigen::Index max_vertices);
   void flip_edges(double level);
   std::optional<EdgeProbe> flipped_probe(const PendingEdge& pending, std::span<Knot> results) const;
   void mark_changed(const std::vector<int>& edges);
-  std::vector<int> faces_to_probe();
+  std::vector<int> take_changed_faces();
   bool is_near_parabola(const std::array<int, 3>& corners) const;
-  FaceProbe face_probe(int face, int face_pass) const;
-  FaceSplits split_faces(Eigen::Index max_vertices, int face_pass);
+  FaceProbe face_probe(int face, int face_scan) const;
+  FaceSplits split_faces(Eigen::Index max_vertices, int face_scan);
   double next_level(double level) const;
   Design design() const;
   Surface surface() const;
@@ -87,7 +87,7 @@ class Refinement {
   bool can_flip(int edge) const;
   double jitter(int edge) const;
   double probe_fraction(int edge) const;
-  std::array<int, 2> across(int edge) const;
+  std::array<int, 2> opposite_corners(int edge) const;
   Span span(int edge) const;
   double length(const std::array<int, 2>& ends) const;
   double tolerance() const;
@@ -103,7 +103,7 @@ class Refinement {
   // (edges) temporary index into pending_ while the ready edges are determined; -1: not pending
   std::vector<int> pending_index_;
   std::vector<int> changed_;     // faces changed since they were probed; with duplicates
-  bool are_all_changed_ = true;  // true at the beginning of every pass over the faces
+  bool are_all_changed_ = true;  // true at the beginning of every scan of the faces
   Eigen::Index probed_ = 0;
 };
 
@@ -112,14 +112,14 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-// A round that adds fewer than 1/200 of the vertices ends its level.
+// A round with at most one new edge per 200 vertices ends its level.
 constexpr std::size_t round_divisor = 200;
-// A round that adds fewer than 1/2000 of the vertices ends a pass over the faces.
-constexpr std::size_t pass_divisor = 2000;
-constexpr int max_face_passes = 4;  // maximum number of points at which a face is probed
-// No other pass follows one with a smaller fraction of inaccurate faces.
-constexpr double min_missed_fraction = 1e-3;
-constexpr int max_final_rounds = 60;  // rounds at the bound itself; remaining errors are reported
+// A round with at most one new edge per 2000 vertices ends a scan of the faces.
+constexpr std::size_t scan_divisor = 2000;
+constexpr int max_face_scans = 4;  // maximum number of points at which a face is probed
+// No other scan follows one with a smaller fraction of inaccurate faces.
+constexpr double min_inaccurate_fraction = 1e-3;
+constexpr int max_final_rounds = 60;  // rounds at the tolerance; remaining errors are reported
 // Fraction of the bound that is permitted at probed points, as a reserve for the points in between.
 constexpr double probed_fraction_of_bound = 0.7;
 
@@ -156,11 +156,11 @@ double Refinement::jitter(int edge) const {
   return split_mix::unit(split_mix::mixed(std::uint64_t(a) << 32 | std::uint64_t(b))) - 0.5;
 }
 
-/// Returns the fraction at which an edge is probed and split: at the corner between two blocks of
-/// the program, otherwise such that the expected number of segments has equal lengths.
+/// Returns the fraction of an edge at which it is probed and split: at the corner between two
+/// blocks of the program, otherwise such that the expected number of segments become equally long.
 double Refinement::probe_fraction(int edge) const {
   constexpr int max_segments = 7;
-  // The tangents of a smooth pass meet near the middle; farther from it the edge has a corner.
+  // The tangents of a smooth pass meet near the middle; if they do not, the edge has a corner.
   constexpr double middle_range = 0.1;
   const Span span = this->span(edge);
   const double displacement = 0.2 * jitter(edge);
@@ -174,21 +174,21 @@ double Refinement::probe_fraction(int edge) const {
   return double(segments_before) / segments + 0.2 * displacement;
 }
 
-std::vector<Knot> Refinement::probe_points(const std::vector<Contact>& surface_points,
+std::vector<Knot> Refinement::probe_points(const std::vector<Contact>& contacts,
                                            std::vector<std::uint8_t> judged) {
-  Design design = design_from_points(surface_points);
+  Design design = design_from_points(contacts);
   design.judged = std::move(judged);
   probed_ += design.vertices.rows();
   const SurfaceProbe result = prober_(design);
-  std::vector<Knot> knots(surface_points.size());
-  tbb::parallel_for(std::size_t(0), surface_points.size(), [&](std::size_t i) {
+  std::vector<Knot> knots(contacts.size());
+  tbb::parallel_for(std::size_t(0), contacts.size(), [&](std::size_t i) {
     const auto v = Index(i);
-    const VertexStatus status = result.surface.status[i];
-    knots[i] = {
-        surface_points[i].point,      surface_points[i].normal,   result.contacts.gradient.row(v),
-        result.surface.residual[v],   result.contacts.travel[v],  status == VertexStatus::Cut,
-        result.surface.cut_time_s[v], result.surface.cut_line[i], status,
-        surface_points[i].face};
+    const auto& [surface, gradients] = result;
+    const bool is_cut = surface.status[i] == VertexStatus::Cut;
+    knots[i] = {contacts[i].point,     contacts[i].normal,  gradients.gradient.row(v),
+                surface.residual[v],   gradients.travel[v], is_cut,
+                surface.cut_time_s[v], surface.cut_line[i], surface.status[i],
+                contacts[i].face};
   });
   return knots;
 }
@@ -199,7 +199,7 @@ void Refinement::probe(const std::vector<int>& edges, const std::vector<ProbePos
   std::vector<Contact> contacts(positions.size());
   tbb::parallel_for(std::size_t(0), positions.size(), [&](std::size_t k) {
     const auto [a, b] = mesh_.ends(edges[positions[k].edge]);
-    contacts[k] = between(on_surface_, knot(a), knot(b), positions[k].u);
+    contacts[k] = point_between(on_surface_, knot(a), knot(b), positions[k].u);
   });
   std::vector<Knot> results = probe_points(contacts);
   for (std::size_t k = 0; k < positions.size(); ++k) {
@@ -222,8 +222,8 @@ bool Refinement::crosses_passes(const Knot& a, const Knot& b) const {
   return !span.has_one_pass && span.max_deviation() > 0.5 * tolerance();
 }
 
-/// Returns true if the slopes at the ends of an edge indicate a larger error than the few points at
-/// which it was probed.
+/// Returns true if the slopes at the ends of an edge indicate an error above the level or, across
+/// passes, above half of the tolerance.
 bool Refinement::is_doubtful(int edge, double level) const {
   const Span span = this->span(edge);
   return span.max_deviation() > (span.has_one_pass ? level : 0.5 * tolerance());
@@ -295,7 +295,8 @@ void Refinement::require_split(std::vector<int> edges) {
   for (std::size_t i = 0; i < edges.size(); ++i) {
     probes[i].error = std::numeric_limits<double>::infinity();
     // Marked as already tried, because a flipped edge would be required again.
-    pending_.push_back({edges[i], mesh_.ends(edges[i]), std::move(probes[i]), across(edges[i])});
+    pending_.push_back(
+        {edges[i], mesh_.ends(edges[i]), std::move(probes[i]), opposite_corners(edges[i])});
   }
 }
 
@@ -335,9 +336,9 @@ RefinementResult Refinement::run() {
   std::iota(open_edges.begin(), open_edges.end(), 0);
   const Index max_vertices = std::max(options_.points, source_.vertices.rows());
   double level = std::numeric_limits<double>::max();
-  int rounds_left = max_final_rounds, face_pass = 0;
-  double missed_fraction = 1.0;  // of the faces when all of them were last probed
-  bool is_first = true;          // the original edges may be too long to judge by their slopes
+  int rounds_left = max_final_rounds, face_scan = 0;
+  double inaccurate_fraction = 1.0;  // of the faces when all of them were last probed
+  bool is_first = true;              // the original edges may be too long to judge by their slopes
   while (true) {
     open_edges = edges_to_probe(open_edges, std::exchange(is_first, false));
     add_pending(open_edges, probe_edges(open_edges));
@@ -345,19 +346,21 @@ RefinementResult Refinement::run() {
     if (options_.can_flip_edges) flip_edges(level);
     std::vector<int> new_edges = split_edges(level, max_vertices);
     const bool is_small_round = round_divisor * new_edges.size() <= knots_.size();
+    // The level falls in steps to the tolerance; only there are faces probed, in rounds.
     if (level > tolerance()) {
       if (is_small_round) level = next_level(level);
     } else {
       --rounds_left;
       if (is_small_round) {
         const bool includes_all = are_all_changed_;
-        const FaceSplits faces = split_faces(max_vertices, face_pass);
+        const FaceSplits faces = split_faces(max_vertices, face_scan);
         new_edges.insert(new_edges.end(), faces.new_edges.begin(), faces.new_edges.end());
-        if (includes_all) missed_fraction = faces.missed_fraction;
+        if (includes_all) inaccurate_fraction = faces.inaccurate_fraction;
       }
-      if (pending_.empty() && pass_divisor * new_edges.size() <= knots_.size()) {
-        if (++face_pass == max_face_passes ||
-            (face_pass > 1 && missed_fraction < min_missed_fraction))
+      if (pending_.empty() && scan_divisor * new_edges.size() <= knots_.size()) {
+        // The scan of the faces is complete.
+        if (++face_scan == max_face_scans ||
+            (face_scan > 1 && inaccurate_fraction < min_inaccurate_fraction))
           break;
         are_all_changed_ = true;
       }
@@ -393,30 +396,31 @@ namespace {
 
 // Fractions of an edge at which the flipped edge is probed.
 constexpr std::array<double, 2> flip_probe_fractions = {0.31, 0.67};
-// Ratio to the length of an edge to be split from which a doubtful longer edge is split first.
+// A doubtful longer edge is split first if it is more than this many times as long as the edge.
 constexpr double min_length_ratio = 1.5;
-constexpr double near_edge_fraction = 0.05;  // of its length; nearer points also test an edge
-// Permitted deviation of a parabola from its triangle, as a fraction of the bound.
+// A point nearer to an edge than this fraction of its length also tests the edge.
+constexpr double near_edge_fraction = 0.05;
+// Permitted deviation of a parabola from its triangle, as a fraction of the tolerance.
 constexpr double max_parabola_fraction = 0.8;
-// Deviation at the middle of a triangle under a parabola, per deviation at the middle of each edge.
-constexpr double middle_of_three = 4.0 / 9.0;
-constexpr double min_thickness = 0.05;  // height by length of a triangle after a flip
+// Deviation of a parabola at the centroid, per sum of its deviations at the middles of the edges.
+constexpr double centroid_factor = 4.0 / 9.0;
+constexpr double min_thickness = 0.05;  // of a triangle after a flip: height per longest side
 
-/// Returns the weights of the point at which a face is probed in a pass: near the middle in the
+/// Returns the weights of the point at which a face is probed in a scan: near the middle in the
 /// first, then towards each side.
-std::array<double, 3> probe_weights(const std::array<int, 3>& corners, int face_pass) {
+std::array<double, 3> probe_weights(const std::array<int, 3>& corners, int face_scan) {
   const std::uint64_t bits = split_mix::mixed(std::uint64_t(corners[0]) << 32 | corners[1]);
   const double first = split_mix::unit(bits), second = split_mix::unit(split_mix::mixed(bits));
-  if (face_pass == 0) {
+  if (face_scan == 0) {
     const double a = 0.3 + 0.1 * first, b = 0.3 + 0.1 * second;
     return {a, b, 1.0 - a - b};
   }
   std::array<double, 3> weights{};
   const double first_weight = 0.02 + 0.16 * first,
                second_weight = (1.0 - first_weight) * (0.2 + 0.6 * second);
-  weights[std::size_t(face_pass) % 3] = first_weight;
-  weights[std::size_t(face_pass + 1) % 3] = second_weight;
-  weights[std::size_t(face_pass + 2) % 3] = 1.0 - first_weight - second_weight;
+  weights[std::size_t(face_scan) % 3] = first_weight;
+  weights[std::size_t(face_scan + 1) % 3] = second_weight;
+  weights[std::size_t(face_scan + 2) % 3] = 1.0 - first_weight - second_weight;
   return weights;
 }
 
@@ -436,11 +440,11 @@ std::vector<int> Refinement::longer_edges(const PendingEdge& pending, double lev
   return result;
 }
 
-/// Returns for each pending edge if it can be split: its error exceeds the level, or it is a longer
-/// edge in a triangle of such an edge, because the triangles at an unsplit long edge would become
-/// thinner and thinner. A longer edge that seemed accurate but crosses passes is added to the
-/// pending ones, and the shorter one is split later.
-std::vector<char> Refinement::ready_edges(double level) {
+/// Returns for each pending edge whether it can be split: its error exceeds the level, or it is a
+/// longer edge in a triangle of such an edge, because the triangles at an unsplit long edge would
+/// become thinner and thinner. A longer edge that seemed accurate but crosses passes is added to
+/// the pending ones, and the shorter one is split later.
+std::vector<char> Refinement::select_ready_edges(double level) {
   std::vector<std::vector<int>> edges_before(pending_.size());
   tbb::parallel_for(std::size_t(0), pending_.size(), [&](std::size_t i) {
     if (pending_[i].probe.error > level) edges_before[i] = longer_edges(pending_[i], level);
@@ -484,7 +488,7 @@ std::vector<int> Refinement::split_edges(double level, Index max_vertices) {
   std::erase_if(pending_, [&](const PendingEdge& pending) {
     return pending.ends != mesh_.ends(pending.edge);
   });
-  const std::vector<char> is_ready = ready_edges(level);
+  const std::vector<char> is_ready = select_ready_edges(level);
   struct Candidate {
     double length;
     std::size_t pending_index;
@@ -535,7 +539,7 @@ bool Refinement::is_exceeded_near(int edge, const Knot& sample, double level) co
 }
 
 /// Returns the corners of the two triangles at an edge that are not its ends; -1 at a rim.
-std::array<int, 2> Refinement::across(int edge) const {
+std::array<int, 2> Refinement::opposite_corners(int edge) const {
   const std::array<int, 4> quad = mesh_.quad(edge);
   return {quad[2], quad[3]};
 }
@@ -546,7 +550,7 @@ bool Refinement::can_flip(int edge) const {
   const auto [a, b, c, d] = mesh_.quad(edge);
   for (const int v : {a, b, c, d})
     if (!knot(v).is_cut) return false;
-  const Vector3d normal = (knot(a).normal + knot(b).normal + knot(c).normal + knot(d).normal);
+  const Vector3d normal = knot(a).normal + knot(b).normal + knot(c).normal + knot(d).normal;
   // Signed height of a triangle divided by its longest side.
   const auto thickness = [&](int p, int q, int r) {
     const Vector3d pq = knot(q).point - knot(p).point, pr = knot(r).point - knot(p).point;
@@ -560,15 +564,15 @@ bool Refinement::can_flip(int edge) const {
 /// is longer and leaves its pass, because then two points do not suffice.
 std::optional<EdgeProbe> Refinement::flipped_probe(const PendingEdge& pending,
                                                    std::span<Knot> results) const {
-  const Knot &c = knot(pending.across[0]), &d = knot(pending.across[1]);
-  const double length = this->length(pending.across);
+  const Knot &c = knot(pending.tried_diagonal[0]), &d = knot(pending.tried_diagonal[1]);
+  const double length = this->length(pending.tried_diagonal);
   bool has_one_pass = true;
   EdgeProbe worst;
   for (std::size_t k = 0; k < flip_probe_fractions.size(); ++k) {
     const double u = flip_probe_fractions[k];
     if (!results[k].is_cut) return std::nullopt;
     for (const Knot* end : {&c, &d})
-      has_one_pass = has_one_pass && is_one_pass(*end, results[k], length);
+      has_one_pass = has_one_pass && are_on_one_pass(*end, results[k], length);
     const double error = std::abs(results[k].residual - interpolate_linearly(c, d, u));
     if (worst.u == 0.0 || error > worst.error) worst = {u, results[k], error};
   }
@@ -585,23 +589,25 @@ void Refinement::flip_edges(double level) {
   for (std::size_t i = 0; i < pending_.size(); ++i) {
     PendingEdge& pending = pending_[i];
     if (!(pending.probe.error > level) || pending.ends != mesh_.ends(pending.edge)) continue;
-    const std::array<int, 2> corners = across(pending.edge);
-    if (corners == pending.across) continue;
-    pending.across = corners;
+    const std::array<int, 2> corners = opposite_corners(pending.edge);
+    if (corners == pending.tried_diagonal) continue;
+    pending.tried_diagonal = corners;
     if (!can_flip(pending.edge)) continue;
     candidates.push_back(i);
     for (const double u : flip_probe_fractions)
-      contacts.push_back(between(on_surface_, knot(corners[0]), knot(corners[1]), u));
+      contacts.push_back(point_between(on_surface_, knot(corners[0]), knot(corners[1]), u));
   }
   std::vector<Knot> results = probe_points(contacts);
   for (std::size_t k = 0; k < candidates.size(); ++k) {
     PendingEdge& pending = pending_[candidates[k]];
-    if (across(pending.edge) != pending.across || !can_flip(pending.edge)) continue;
+    if (opposite_corners(pending.edge) != pending.tried_diagonal || !can_flip(pending.edge))
+      continue;
     std::optional<EdgeProbe> flipped = flipped_probe(pending, std::span(results).subspan(2 * k, 2));
     if (!flipped || !(flipped->error < 0.5 * pending.probe.error)) continue;
     mesh_.flip(pending.edge);
     mark_changed({pending.edge});
-    pending = {pending.edge, mesh_.ends(pending.edge), std::move(*flipped), across(pending.edge)};
+    pending = {pending.edge, mesh_.ends(pending.edge), std::move(*flipped),
+               opposite_corners(pending.edge)};
   }
   std::erase_if(pending_,
                 [&](const PendingEdge& pending) { return !(pending.probe.error > tolerance()); });
@@ -615,8 +621,8 @@ void Refinement::mark_changed(const std::vector<int>& edges) {
       if (face >= 0) changed_.push_back(face);
 }
 
-/// Returns the faces that changed since they were probed and are large enough.
-std::vector<int> Refinement::faces_to_probe() {
+/// Returns the changed faces that are large enough, and clears the list of changes.
+std::vector<int> Refinement::take_changed_faces() {
   std::vector<int> changed = sorted_unique(std::exchange(changed_, {}));
   if (std::exchange(are_all_changed_, false)) {
     changed.resize(std::size_t(mesh_.faces()));
@@ -644,26 +650,27 @@ bool Refinement::is_near_parabola(const std::array<int, 3>& corners) const {
   for (std::size_t k = 0; k < 3; ++k) {
     const Knot &a = knot(corners[k]), &b = knot(corners[(k + 1) % 3]);
     const Vector3d chord = b.point - a.point;
-    if (!is_one_pass(a, b, chord.norm())) return false;
+    if (!are_on_one_pass(a, b, chord.norm())) return false;
     const Span span{a.residual, b.residual, -a.gradient.dot(chord), -b.gradient.dot(chord), true};
-    deviation += middle_of_three * span.middle_deviation() + span.max_parabola_deviation();
+    deviation += centroid_factor * span.middle_deviation() + span.max_parabola_deviation();
   }
   return deviation < max_parabola_fraction * tolerance();
 }
 
-/// Returns the point at which a face is probed in a pass.
-Refinement::FaceProbe Refinement::face_probe(int face, int face_pass) const {
+/// Returns the point at which a face is probed in a scan; not doubtful if no probe is needed.
+Refinement::FaceProbe Refinement::face_probe(int face, int face_scan) const {
   const std::array<int, 3> corners = mesh_.corners(face);
   if (!options_.probe_all_triangles && is_near_parabola(corners)) return {};
-  const std::array<double, 3> weights = probe_weights(corners, face_pass);
+  const std::array<double, 3> weights = probe_weights(corners, face_scan);
   std::array<Contact, 3> corner_contacts;
   for (std::size_t k = 0; k < 3; ++k) corner_contacts[k] = knot(corners[k]).contact();
   FaceProbe result{face, on_surface_(corner_contacts, weights)};
-  for (std::size_t k = 0; k < 3; ++k) result.plane += weights[k] * knot(corners[k]).residual;
+  for (std::size_t k = 0; k < 3; ++k)
+    result.linear_residual += weights[k] * knot(corners[k]).residual;
   for (const int corner : corners) {
-    const double tangent = knot(corner).residual -
-                           knot(corner).gradient.dot(result.contact.point - knot(corner).point);
-    const bool is_close = std::abs(tangent - result.plane) < tolerance();
+    const Vector3d offset = result.contact.point - knot(corner).point;
+    const double tangent_residual = knot(corner).residual - knot(corner).gradient.dot(offset);
+    const bool is_close = std::abs(tangent_residual - result.linear_residual) < tolerance();
     result.is_doubtful = result.is_doubtful || !is_close;
   }
   return result;
@@ -671,11 +678,11 @@ Refinement::FaceProbe Refinement::face_probe(int face, int face_pass) const {
 
 /// Splits faces with too large an error at the probed point; if the point is near a side with the
 /// same error, the side is split instead.
-Refinement::FaceSplits Refinement::split_faces(Index max_vertices, int face_pass) {
-  const std::vector<int> faces = faces_to_probe();
+Refinement::FaceSplits Refinement::split_faces(Index max_vertices, int face_scan) {
+  const std::vector<int> faces = take_changed_faces();
   std::vector<FaceProbe> probes(faces.size());
   tbb::parallel_for(std::size_t(0), faces.size(),
-                    [&](std::size_t i) { probes[i] = face_probe(faces[i], face_pass); });
+                    [&](std::size_t i) { probes[i] = face_probe(faces[i], face_scan); });
   std::erase_if(probes, [](const FaceProbe& probe) { return !probe.is_doubtful; });
   std::vector<Contact> contacts;
   for (const FaceProbe& probe : probes) contacts.push_back(probe.contact);
@@ -684,8 +691,8 @@ Refinement::FaceSplits Refinement::split_faces(Index max_vertices, int face_pass
   std::vector<int> inaccurate_sides;
   std::size_t exceeded_count = 0;
   for (std::size_t i = 0; i < probes.size(); ++i) {
-    if (!results[i].is_cut || !(std::abs(results[i].residual - probes[i].plane) > tolerance()))
-      continue;
+    const double error = std::abs(results[i].residual - probes[i].linear_residual);
+    if (!results[i].is_cut || !(error > tolerance())) continue;
     ++exceeded_count;
     if (Index(knots_.size()) >= max_vertices) break;
     const std::array<int, 3> sides = mesh_.face_edges(probes[i].face);
@@ -702,7 +709,7 @@ Refinement::FaceSplits Refinement::split_faces(Index max_vertices, int face_pass
     result.new_edges.insert(result.new_edges.end(), edges_at_vertex.begin(), edges_at_vertex.end());
   }
   require_split(std::move(inaccurate_sides));
-  result.missed_fraction = double(exceeded_count) / std::max<double>(1.0, double(faces.size()));
+  result.inaccurate_fraction = double(exceeded_count) / std::max<double>(1.0, double(faces.size()));
   return result;
 }
 

@@ -13,7 +13,7 @@ namespace abbe::cutting {
 /// The machined surface at the vertices of a design, and its gradients there.
 struct SurfaceProbe {
   Surface surface;
-  PassGradients contacts;
+  PassGradients gradients;
 };
 
 /// Function that computes the surface at the vertices of a design, which may have no triangles.
@@ -53,7 +53,7 @@ struct RefinementResult {
 /// any number of threads.
 /// Every edge is probed near its middle, also near its quarters if slopes or passes at its ends
 /// leave a doubt, and at the crest where two passes cross. Then triangles are probed, in up to four
-/// passes, unless their corners lie on one tool pass whose parabola stays within 0.56 of the bound
+/// scans, unless their corners lie on one tool pass whose parabola stays within 0.56 of the bound
 /// (the error observed there is up to 0.97 of it). The remaining error must be measured at an
 /// independent set of points (`interpolation_error`). Memory: about 250 bytes per vertex.
 /// @throws std::invalid_argument if an option is out of range or sizes differ

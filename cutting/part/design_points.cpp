@@ -274,12 +274,12 @@ namespace {
 using Eigen::Vector2d;
 
 constexpr double kink = 0.01;  // of the profile's size; within this distance of a kink the normal
-                               // selects the piece
+                               // selects the segment
 
-/// Returns the arc length at which a section comes nearest to a point of its half plane.
-double nearest_arc(const Section& s, const Vector2d& p) {
+/// Returns the arc length at which a curve comes nearest to a point of its half plane.
+double nearest_arc(const ProfileCurve& s, const Vector2d& p) {
   const Vector2d from = p - s.from;
-  const Vector2d left = left_of(s.tangent);
+  const Vector2d left = left_normal(s.tangent);
   const double along = s.tangent.dot(from);
   if (s.curvature == 0.0) return std::clamp(along, 0.0, s.length);
   // The path turns by curvature times arc length, to the right where it is convex. The angle at the
@@ -289,10 +289,11 @@ double nearest_arc(const Section& s, const Vector2d& p) {
   return std::clamp(angle / std::abs(s.curvature), 0.0, s.length);
 }
 
-/// Returns the point of the surface of revolution at a station of the profile and an azimuth.
-Contact revolved_station(const Station& station, const Vector2d& azimuth) {
-  const Vector2d& n = station.normal;
-  return {{station.point.x() * azimuth.x(), station.point.x() * azimuth.y(), station.point.y()},
+/// Returns the point of the surface of revolution at a point of the profile and an azimuth.
+Contact revolved_point(const ProfilePoint& profile_point, const Vector2d& azimuth) {
+  const Vector2d& n = profile_point.normal;
+  return {{profile_point.point.x() * azimuth.x(), profile_point.point.x() * azimuth.y(),
+           profile_point.point.y()},
           Vector3d(n.x() * azimuth.x(), n.x() * azimuth.y(), n.y()).normalized()};
 }
 
@@ -307,7 +308,7 @@ std::vector<int> extended_groups(const Design& source, const Design& design) {
   }
   std::vector<int> group = source.group;
   for (int i = int(group.size()); i < int(design.vertices.rows()); ++i)
-    group.push_back(group[std::size_t(connected.name_of(i))]);
+    group.push_back(group[std::size_t(connected.representative(i))]);
   return group;
 }
 
@@ -359,19 +360,20 @@ Contact nearest(const Primitive& primitive, const Vector3d& point, const Vector3
   for (const RevolvedProfile::ProfileSegment& piece : outline.profile_segments)
     box.extend(piece.to);
   const double kink_distance = kink * box.diagonal().norm();
-  Station best_station{};
+  ProfilePoint best_point{};
   double min_cost = std::numeric_limits<double>::infinity();
   for (const RevolvedProfile::ProfileSegment& piece : outline.profile_segments) {
-    const Section s = section(piece);
-    const Station station = at(s, nearest_arc(s, at_rz));
+    const ProfileCurve s = profile_curve(piece);
+    const ProfilePoint profile_point = profile_point_at(s, nearest_arc(s, at_rz));
     // Away from kinks the distance dominates the cost, near them the normal.
-    const double cost = (station.point - at_rz).squaredNorm() / (kink_distance * kink_distance) +
-                        (station.normal - normal_rz / normal_size).squaredNorm();
+    const double cost =
+        (profile_point.point - at_rz).squaredNorm() / (kink_distance * kink_distance) +
+        (profile_point.normal - normal_rz / normal_size).squaredNorm();
     if (cost >= min_cost) continue;
-    best_station = station;
+    best_point = profile_point;
     min_cost = cost;
   }
-  return revolved_station(best_station, azimuth);
+  return revolved_point(best_point, azimuth);
 }
 
 Design resampled_design(const Design& source, const std::vector<Contact>& contacts,

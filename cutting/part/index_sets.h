@@ -23,7 +23,7 @@ class DisjointSets {
   }
 
   /// Returns the smallest member of the set of i.
-  int name_of(int i) {
+  int representative(int i) {
     while (parent_[std::size_t(i)] != i) {
       int& parent = parent_[std::size_t(i)];
       parent = parent_[std::size_t(parent)];
@@ -32,8 +32,8 @@ class DisjointSets {
     return i;
   }
   void join(int a, int b) {
-    a = name_of(a);
-    b = name_of(b);
+    a = representative(a);
+    b = representative(b);
     parent_[std::size_t(std::max(a, b))] = std::min(a, b);
   }
 

@@ -19,7 +19,7 @@ using Eigen::Vector3d;
 using ProfilePiece = RevolvedProfile::ProfileSegment;
 using std::numbers::pi;
 
-constexpr double join_tolerance = 1e-9;    // mm; pieces with a smaller gap are connected
+constexpr double join_tolerance = 1e-9;    // mm; segments with a smaller gap are connected
 constexpr double smooth_tolerance = 1e-9;  // rad; normals at a join that differ by less are equal
 
 // Checks of dimensions.
@@ -88,9 +88,9 @@ void validate(const RevolvedProfile& p) {
         piece.arc_radius == 0.0 || 2.0 * std::abs(piece.arc_radius) >= chord * (1.0 - 1e-12),
         name + fmt::format(" must have an arc radius of at least half its chord {}", chord),
         piece.arc_radius);
-    const Section s = section(piece);
+    const ProfileCurve s = profile_curve(piece);
     // 1e-9: the slope of an arc that ends vertically is affected by rounding.
-    const double min_upward = std::min(s.tangent.x(), at(s, s.length).normal.y());
+    const double min_upward = std::min(s.tangent.x(), profile_point_at(s, s.length).normal.y());
     require_value(min_upward >= -1e-9,
                   name + " must not bulge beyond its ends: cosine of its steepest slope",
                   min_upward);
@@ -124,10 +124,10 @@ double irregular_knot(int i, int n) {
 
 /// A ring of vertices of a surface of revolution.
 struct Ring {
-  Station station;
+  ProfilePoint profile_point;
   int count = 0;  ///< vertices
   int phase = 0;  ///< index of its azimuth offset; the two rings of a kink have the same
-  bool is_first_of_piece = false;  ///< true if there are no triangles to the ring before
+  bool is_first_of_segment = false;  ///< true if there are no triangles to the ring before
 };
 
 int ring_count(double r, double spacing) {
@@ -136,11 +136,11 @@ int ring_count(double r, double spacing) {
 }
 
 /// Returns the rings of vertices of a profile at about the given spacing.
-std::vector<Ring> rings(const std::vector<Section>& sections, double spacing) {
+std::vector<Ring> rings(const std::vector<ProfileCurve>& curves, double spacing) {
   std::vector<Ring> result;
   int phase = 0;
-  for (std::size_t p = 0; p < sections.size(); ++p) {
-    const Section& s = sections[p];
+  for (std::size_t p = 0; p < curves.size(); ++p) {
+    const ProfileCurve& s = curves[p];
     // An interval of an arc is at most an eighth of a turn. 0.2501: an arc of exactly an eighth of
     // a turn is one interval.
     const int min_intervals =
@@ -149,15 +149,16 @@ std::vector<Ring> rings(const std::vector<Section>& sections, double spacing) {
         std::max(min_intervals, static_cast<int>(std::lround(s.length / spacing)));
     bool is_kink = true;
     if (p > 0) {
-      const Vector2d previous_normal = result.back().station.normal;
-      is_kink = (at(s, 0.0).normal - previous_normal).norm() > smooth_tolerance;
+      const Vector2d previous_normal = result.back().profile_point.normal;
+      is_kink = (profile_point_at(s, 0.0).normal - previous_normal).norm() > smooth_tolerance;
     }
     for (int i = is_kink ? 0 : 1; i <= intervals; ++i) {
-      Station current = at(s, i == intervals ? s.length : s.length * irregular_knot(i, intervals));
+      ProfilePoint current =
+          profile_point_at(s, i == intervals ? s.length : s.length * irregular_knot(i, intervals));
       // An apex has no normal: the mesh starts slightly below it and is closed by a small flat.
       if (i == 0 && current.point.x() == 0.0) {
         if (std::abs(current.normal.x()) > smooth_tolerance)
-          current = at(s, 0.35 * s.length * irregular_knot(1, intervals));
+          current = profile_point_at(s, 0.35 * s.length * irregular_knot(1, intervals));
         else
           current.normal = Vector2d(0.0, 1.0);
       }
@@ -175,12 +176,12 @@ long vertex_total(const std::vector<Ring>& rings) {
 }
 
 /// Returns the exact area of a surface of revolution, mm^2.
-double true_area(const std::vector<Section>& sections) {
+double true_area(const std::vector<ProfileCurve>& curves) {
   double area = 0.0;
-  for (const Section& s : sections) {
+  for (const ProfileCurve& s : curves) {
     const double curvature = s.curvature;
-    const Vector2d start_normal = left_of(s.tangent);
-    const Vector2d end_normal = at(s, s.length).normal;
+    const Vector2d start_normal = left_normal(s.tangent);
+    const Vector2d end_normal = profile_point_at(s, s.length).normal;
     // Theorem of Pappus; the mean radius over an arc is the radius of its centre plus the mean of
     // the normal.
     const double mean_r = curvature == 0.0 ? 0.5 * (s.from.x() + s.to.x())
@@ -195,14 +196,14 @@ double true_area(const std::vector<Section>& sections) {
 /// Returns the rings whose total number of vertices is nearest to the requested one. The number is
 /// proportional to spacing^-2, hence the exponent 0.5; it is not continuous, so the later steps are
 /// damped.
-std::vector<Ring> rings_for_count(const std::vector<Section>& sections, int vertex_count) {
-  double spacing = std::sqrt(true_area(sections) / vertex_count);
-  std::vector<Ring> best = rings(sections, spacing);
+std::vector<Ring> rings_for_count(const std::vector<ProfileCurve>& curves, int vertex_count) {
+  double spacing = std::sqrt(true_area(curves) / vertex_count);
+  std::vector<Ring> best = rings(curves, spacing);
   for (int i = 0; i < 30; ++i) {
     const double ratio = double(vertex_total(best)) / vertex_count;
     if (std::abs(ratio - 1.0) < 0.02) break;
     spacing *= std::pow(ratio, i < 10 ? 0.5 : 0.2);
-    std::vector<Ring> candidate = rings(sections, spacing);
+    std::vector<Ring> candidate = rings(curves, spacing);
     if (std::abs(std::log(double(vertex_total(candidate)) / vertex_count)) <
             std::abs(std::log(ratio)) ||
         i < 10)
@@ -263,9 +264,9 @@ Design to_design(Points vertices, Points normals, const std::vector<Eigen::Vecto
 }
 
 Design tessellate_surface(const RevolvedProfile& outline, int vertex_count) {
-  std::vector<Section> sections;
-  for (const ProfilePiece& piece : outline.profile_segments) sections.push_back(section(piece));
-  const std::vector<Ring> rings = rings_for_count(sections, vertex_count);
+  std::vector<ProfileCurve> curves;
+  for (const ProfilePiece& piece : outline.profile_segments) curves.push_back(profile_curve(piece));
+  const std::vector<Ring> rings = rings_for_count(curves, vertex_count);
 
   Points vertices(vertex_total(rings), 3);
   Points normals(vertex_total(rings), 3);
@@ -273,15 +274,15 @@ Design tessellate_surface(const RevolvedProfile& outline, int vertex_count) {
   int first = 0;
   for (std::size_t k = 0; k < rings.size(); ++k) {
     const Ring& ring = rings[k];
-    const Station& s = ring.station;
+    const ProfilePoint& s = ring.profile_point;
     for (int i = 0; i < ring.count; ++i) {
       const double c = std::cos(vertex_azimuth(ring, i)), sine = std::sin(vertex_azimuth(ring, i));
       vertices.row(first + i) << s.point.x() * c, s.point.x() * sine, s.point.y();
       normals.row(first + i) << s.normal.x() * c, s.normal.x() * sine, s.normal.y();
     }
-    if (k > 0 && !ring.is_first_of_piece)
+    if (k > 0 && !ring.is_first_of_segment)
       connect_rings(rings[k - 1], first - rings[k - 1].count, ring, first, triangles);
-    const bool is_apex = k == 0 && sections[0].from.x() == 0.0 && ring.count > 1;
+    const bool is_apex = k == 0 && curves[0].from.x() == 0.0 && ring.count > 1;
     if (is_apex)
       for (int i = 1; i + 1 < ring.count; ++i)
         triangles.push_back({first, first + i, first + i + 1});
@@ -333,9 +334,9 @@ Design tessellate_surface(const RectanglePlane& plane, int vertex_count) {
 
 // Enlarged surfaces.
 
-/// Returns the station at radius r. Along a piece the r component of the normal is linear in r.
-Station at_radius(const Section& s, double r) {
-  const Vector2d start_normal = left_of(s.tangent);
+/// Returns the point at radius r. Along a segment the r component of the normal is linear in r.
+ProfilePoint at_radius(const ProfileCurve& s, double r) {
+  const Vector2d start_normal = left_normal(s.tangent);
   const double dr = r - s.from.x();
   const double n_r = std::clamp(start_normal.x() + s.curvature * dr, -1.0, 1.0);
   const double n_z = std::sqrt((1.0 - n_r) * (1.0 + n_r));
@@ -345,19 +346,19 @@ Station at_radius(const Section& s, double r) {
           {n_r, n_z}};
 }
 
-/// Returns the radius nearest to `r` to which a piece can be extended: an arc ends where it is
+/// Returns the radius nearest to `r` to which a segment can be extended: an arc ends where it is
 /// vertical.
-double reachable_radius(const Section& s, double r) {
+double reachable_radius(const ProfileCurve& s, double r) {
   if (s.curvature == 0.0) return std::max(0.0, r);
-  const double start_normal_r = left_of(s.tangent).x();
+  const double start_normal_r = left_normal(s.tangent).x();
   const double a = s.from.x() + (1.0 - start_normal_r) / s.curvature;
   const double b = s.from.x() + (-1.0 - start_normal_r) / s.curvature;
   return std::max(0.0, std::clamp(r, std::min(a, b), std::max(a, b)));
 }
 
-/// Returns the end of a section at an arc length, extended by a margin.
-Vector2d extended_end(const Section& s, double arc, double margin) {
-  const Station end = at(s, arc);
+/// Returns the end of a curve at an arc length, extended by a margin.
+Vector2d extended_end(const ProfileCurve& s, double arc, double margin) {
+  const ProfilePoint end = profile_point_at(s, arc);
   const bool is_vertical = std::abs(end.normal.y()) < 1e-9;
   if (is_vertical && s.curvature != 0.0) return end.point;
   if (is_vertical) return end.point + margin * s.tangent;
@@ -365,8 +366,8 @@ Vector2d extended_end(const Section& s, double arc, double margin) {
 }
 
 RevolvedProfile extended(RevolvedProfile outline, double margin) {
-  const Section first = section(outline.profile_segments.front());
-  const Section last = section(outline.profile_segments.back());
+  const ProfileCurve first = profile_curve(outline.profile_segments.front());
+  const ProfileCurve last = profile_curve(outline.profile_segments.back());
   if (first.from.x() > 0.0)
     outline.profile_segments.front().from = extended_end(first, 0.0, -margin);
   outline.profile_segments.back().to = extended_end(last, last.length, margin);
@@ -375,7 +376,7 @@ RevolvedProfile extended(RevolvedProfile outline, double margin) {
 
 }  // namespace
 
-Design tessellate(const Primitive& primitive, const TessellateOptions& options) {
+Design tessellate(const Primitive& primitive, const TessellationOptions& options) {
   validate_any(primitive);
   require_value(options.vertices >= 100 && options.vertices <= 50'000'000,
                 "number of vertices must be from 100 to 50 million", options.vertices);
@@ -393,13 +394,13 @@ std::optional<Contact> highest_surface_point(const Primitive& primitive, double 
     return Contact{Vector3d(x, y, 0.0), Vector3d::UnitZ()};
   }
   const double r = std::hypot(x, y);
-  std::optional<Station> highest;
+  std::optional<ProfilePoint> highest;
   for (const ProfilePiece& piece : profile(primitive).profile_segments) {
     const bool is_vertical = piece.to.x() == piece.from.x();
     if (is_vertical || !(r >= piece.from.x() && r <= piece.to.x())) continue;
-    const Station station = at_radius(section(piece), r);
-    // At a kink the first piece, which is nearer to the axis, is kept.
-    if (!highest || station.point.y() > highest->point.y() + join_tolerance) highest = station;
+    const ProfilePoint candidate = at_radius(profile_curve(piece), r);
+    // At a kink the first segment, which is nearer to the axis, is kept.
+    if (!highest || candidate.point.y() > highest->point.y() + join_tolerance) highest = candidate;
   }
   if (!highest) return std::nullopt;
   const Vector2d n = highest->normal;
@@ -466,21 +467,22 @@ Vector2d rotated(const Vector2d& vector, double angle) {
 
 }  // namespace
 
-Section section(const RevolvedProfile::ProfileSegment& piece) {
-  const Vector2d chord = piece.to - piece.from;
+ProfileCurve profile_curve(const RevolvedProfile::ProfileSegment& segment) {
+  const Vector2d chord = segment.to - segment.from;
   const double chord_length = chord.norm();
   const Vector2d chord_direction = chord / chord_length;
-  if (piece.arc_radius == 0.0) return {piece.from, piece.to, chord_direction, 0.0, chord_length};
+  if (segment.arc_radius == 0.0)
+    return {segment.from, segment.to, chord_direction, 0.0, chord_length};
   const double half_angle =
-      std::asin(std::min(1.0, chord_length / (2.0 * std::abs(piece.arc_radius))));
-  const double sign = piece.arc_radius > 0.0 ? 1.0 : -1.0;
-  return {piece.from, piece.to, rotated(chord_direction, sign * half_angle), 1.0 / piece.arc_radius,
-          2.0 * half_angle * std::abs(piece.arc_radius)};
+      std::asin(std::min(1.0, chord_length / (2.0 * std::abs(segment.arc_radius))));
+  const double sign = segment.arc_radius > 0.0 ? 1.0 : -1.0;
+  return {segment.from, segment.to, rotated(chord_direction, sign * half_angle),
+          1.0 / segment.arc_radius, 2.0 * half_angle * std::abs(segment.arc_radius)};
 }
 
-Station at(const Section& s, double arc) {
+ProfilePoint profile_point_at(const ProfileCurve& s, double arc) {
   const double angle = arc * s.curvature;
-  const Vector2d normal = left_of(rotated(s.tangent, -angle));
+  const Vector2d normal = left_normal(rotated(s.tangent, -angle));
   if (arc <= 0.0) return {s.from, normal};
   if (arc >= s.length) return {s.to, normal};
   if (s.curvature == 0.0) return {s.from + arc * s.tangent, normal};
@@ -488,6 +490,6 @@ Station at(const Section& s, double arc) {
   return {s.from + chord * rotated(s.tangent, -0.5 * angle), normal};
 }
 
-Vector2d left_of(const Vector2d& tangent) { return {-tangent.y(), tangent.x()}; }
+Vector2d left_normal(const Vector2d& tangent) { return {-tangent.y(), tangent.x()}; }
 
 }  // namespace abbe::cutting

@@ -28,8 +28,8 @@ struct Cylinder {
   double radius = 10.0;
   double height = 10.0;
 };
-/// The outer surface of a cone frustum from radius `base_radius` at z = 0 to z = height, mm; the
-/// half apex angle opens downwards.
+/// The outer surface of a cone frustum from z = 0, where its radius is `base_radius`, to z =
+/// height, mm; it narrows upwards.
 struct Cone {
   double base_radius = 10.0;
   double height = 10.0;
@@ -48,8 +48,7 @@ struct Torus {
   double tube_radius = 5.0;  ///< <= radius
 };
 /// A profile (r, z) revolved about z: straight lines and arcs (of at most half a turn) from point
-/// to point, with r growing or constant along each from the axis to the rim; outward is to the left
-/// of this path.
+/// to point. From the axis to the rim r never decreases; outward is to the left of this path.
 struct RevolvedProfile {
   struct ProfileSegment {
     Eigen::Vector2d from;     ///< (r, z) mm
@@ -63,12 +62,12 @@ struct RevolvedProfile {
 using Primitive =
     std::variant<RectanglePlane, Disc, Cylinder, Cone, SphereCap, Torus, RevolvedProfile>;
 
-struct TessellateOptions {
+struct TessellationOptions {
   int vertices = 20000;  ///< requested number, 100 .. 50 million; the actual number is within a
-                         ///< factor of 1.2, unless the pieces of a profile alone need more
+                         ///< factor of 1.2, unless the segments of a profile alone need more
 };
 
-/// Returns a mesh whose vertices and normals are exact (to 1e-12 mm and 2e-15 at 1 m), so that
+/// Returns a mesh whose vertices and normals are exact (to 1e-12 mm and 2e-15 rad at 1 m), so that
 /// faceting never appears as residual.
 /// Surfaces of revolution have a polar grid with irregular ring radii, so that no feed of a program
 /// is commensurable with them. A kink of a profile has two rings of vertices, one for each normal,
@@ -76,7 +75,7 @@ struct TessellateOptions {
 /// apex, which has no normal, is omitted: the first ring is about a third of a spacing below it and
 /// is closed by a small flat.
 /// @throws std::invalid_argument naming the dimension that is not positive, finite or possible
-Design tessellate(const Primitive& primitive, const TessellateOptions& options = {});
+Design tessellate(const Primitive& primitive, const TessellationOptions& options = {});
 
 /// A point of a surface and its outward normal.
 struct Contact {
@@ -86,8 +85,8 @@ struct Contact {
 };
 
 /// Returns the highest surface point at (x, y), the rim included; empty if there is none (a
-/// vertical wall has no such point). At a kink the piece nearer to the axis is used; at an apex the
-/// normal is +z.
+/// vertical wall has no such point). At a kink the segment nearer to the axis is used; at an apex
+/// the normal is +z.
 std::optional<Contact> highest_surface_point(const Primitive& primitive, double x, double y);
 
 /// Returns the surface extended beyond its rims, including inner ones, so that a program may
@@ -102,29 +101,30 @@ Primitive enlarge(const Primitive& primitive, double margin);
 /// @throws std::invalid_argument for a rectangle, and as `tessellate`
 RevolvedProfile profile(const Primitive& primitive);
 
-/// A piece of a profile prepared for evaluation. All quantities are relative to its start and not
-/// to the centre of its arc, so that a shallow arc of large radius loses no digits.
-struct Section {
+/// A segment of a profile as a curve over its arc length, prepared for evaluation. All quantities
+/// are relative to its start and not to the centre of its arc, so that a shallow arc of large
+/// radius loses no digits.
+struct ProfileCurve {
   Eigen::Vector2d from, to;
   Eigen::Vector2d tangent;  ///< unit, at `from`
   double curvature;         ///< 1/mm, > 0: convex, the path turns to the right
   double length;            ///< mm, arc length
 };
 
-/// Returns the section of a piece.
-Section section(const RevolvedProfile::ProfileSegment& piece);
+/// Returns the curve of a segment.
+ProfileCurve profile_curve(const RevolvedProfile::ProfileSegment& segment);
 
 /// A point of a profile with its normal.
-struct Station {
+struct ProfilePoint {
   Eigen::Vector2d point;   ///< (r, z)
   Eigen::Vector2d normal;  ///< outward
 };
 
-/// Returns the station at arc length `arc` (mm) from the start, or at the nearer end if `arc` is
-/// beyond the section.
-Station at(const Section& s, double arc);
+/// Returns the point at arc length `arc` (mm) from the start, or the nearer end if `arc` is beyond
+/// the curve.
+ProfilePoint profile_point_at(const ProfileCurve& s, double arc);
 
 /// Returns the direction a quarter turn to the left of a tangent, i.e. the outward normal.
-Eigen::Vector2d left_of(const Eigen::Vector2d& tangent);
+Eigen::Vector2d left_normal(const Eigen::Vector2d& tangent);
 
 }  // namespace abbe::cutting

@@ -163,7 +163,7 @@ std::vector<Shell> shells(const TriangleSoup& soup) {
   std::vector<int> shell_index(soup.points.size(), -1);
   std::vector<Shell> result;
   for (const TriangleSoup::Face& f : soup.faces) {
-    int& index = shell_index[static_cast<std::size_t>(sets.name_of(f[0]))];
+    int& index = shell_index[static_cast<std::size_t>(sets.representative(f[0]))];
     if (index < 0) {
       index = static_cast<int>(result.size());
       result.emplace_back();

@@ -126,11 +126,12 @@ void adopt_face_normals(Design& design, const std::vector<AnalyticPatch>& faces)
 
 }  // namespace
 
-Recognised recognised(const Design& design, double tolerance) {
-  require(std::isfinite(tolerance) && tolerance > 0.0, "recognised: tolerance must be positive");
+RecognisedMesh recognise_patches(const Design& design, double tolerance) {
+  require(std::isfinite(tolerance) && tolerance > 0.0,
+          "recognise_patches: tolerance must be positive");
   TriangleFaces triangle_faces = assign_faces(design, tolerance);
-  Recognised result{design, std::move(triangle_faces.faces), design.area.sum(),
-                    triangle_faces.unexamined_triangles};
+  RecognisedMesh result{design, std::move(triangle_faces.faces), design.area.sum(),
+                        triangle_faces.unexamined_triangles};
   if (result.patches.empty()) return result;
   result.design = split_at_faces(design, triangle_faces.face);
   Design& mesh = result.design;

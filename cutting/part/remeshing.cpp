@@ -265,7 +265,7 @@ SplitDesign split_at_corners(const Design& design, DisjointSets corners) {
   std::map<int, int> new_vertices;  // of all other sets
   for (int t = 0; t < int(design.triangles.rows()); ++t)
     for (int k = 0; k < 3; ++k) {
-      const int vertex = design.triangles(t, k), set = corners.name_of(3 * t + k);
+      const int vertex = design.triangles(t, k), set = corners.representative(3 * t + k);
       int& keeper = keeping_set[std::size_t(vertex)];
       if (keeper < 0) keeper = set;
       if (keeper == set) continue;
@@ -374,7 +374,7 @@ std::vector<int> patches(const Design& design) {
   std::vector<int> patch(std::size_t(design.vertices.rows()));
   int count = 0;
   for (int i = 0; i < int(patch.size()); ++i) {
-    const int set = sets.name_of(i);  // the first vertex of the set, so already numbered
+    const int set = sets.representative(i);  // the first vertex of the set, so already numbered
     patch[std::size_t(i)] = set == i ? count++ : patch[std::size_t(set)];
   }
   return patch;

@@ -276,16 +276,16 @@ PartDeviation part_deviation(const StockSkin& skin, const DesignDistance& design
     const auto v = std::size_t(i);
     double sum = 0.0, max_magnitude = -1.0;
     int count = 0;
-    bool is_cut_off = false;
+    bool is_beyond_band = false;
     for (int k = skin.first[v]; k < skin.first[v + 1]; ++k) {
-      const int point = skin.place[std::size_t(k)];
+      const int point = skin.point_indices[std::size_t(k)];
       const DesignDistance::PointDistance& distance = distances[std::size_t(point)];
       result.status[v] = SkinStatus::NoDesign;
       if (!is_informative(distance, skin.line[std::size_t(point)],
                           outward.row(i).transpose().normalized(), design, options.joint))
         continue;
       const double value = std::clamp(distance.value, -options.band, options.band);
-      is_cut_off = is_cut_off || value != distance.value;
+      is_beyond_band = is_beyond_band || value != distance.value;
       sum += value;
       ++count;
       if (std::abs(value) <= max_magnitude) continue;
@@ -294,7 +294,7 @@ PartDeviation part_deviation(const StockSkin& skin, const DesignDistance& design
       result.at[v] = point;
     }
     if (count == 0) return;
-    result.status[v] = is_cut_off ? SkinStatus::CutOff : SkinStatus::Compared;
+    result.status[v] = is_beyond_band ? SkinStatus::BeyondBand : SkinStatus::Compared;
     result.deviation[i] = sum / count;
   });
   return result;

@@ -65,7 +65,7 @@ class DesignDistance {
 /// Result of the comparison of a vertex of the skin.
 enum class SkinStatus : std::uint8_t {
   Compared,
-  CutOff,      ///< compared, but beyond the band
+  BeyondBand,  ///< compared, but beyond the band
   NoDesign,    ///< beside or behind an open design, or of a blank that is too small for it
   Unresolved,  ///< without a skin point: a wall along dexels of one direction
 };

@@ -25,7 +25,7 @@ struct VertexContribution {
   double depth = 0.0;
   Vector3d position_w = Vector3d::Zero();
   std::int32_t line = 0;  // as in DexelRun
-  bool is_cut_off = false;
+  bool is_beyond_band = false;
 };
 
 /// A region with the sums over its vertices.
@@ -60,7 +60,7 @@ std::vector<RegionAccumulator> collect_regions(const StockSkin& skin,
   for (std::size_t i = 0; i < selection.is_selected.size(); ++i) {
     if (!selection.is_selected[i]) continue;
     // The representative is the smallest vertex of the set, so its region already has a number.
-    const auto representative = std::size_t(sets.name_of(int(i)));
+    const auto representative = std::size_t(sets.representative(int(i)));
     if (representative == i) {
       region_of[i] = int(regions.size());
       regions.emplace_back();
@@ -74,7 +74,7 @@ std::vector<RegionAccumulator> collect_regions(const StockSkin& skin,
     region.volume.add(contribution.volume);
     region.area.add(area[Index(i)]);
     finding.extent_w.extend(contribution.position_w);
-    finding.is_at_least = finding.is_at_least || contribution.is_cut_off;
+    finding.is_at_least = finding.is_at_least || contribution.is_beyond_band;
     if (finding.vertices > 1 && contribution.depth <= finding.depth) continue;
     finding.depth = contribution.depth;
     finding.position_w = contribution.position_w;
@@ -133,38 +133,41 @@ void list_regions(const std::vector<RegionAccumulator>& regions, const std::vect
 }
 
 /// Returns the vertices of rest material (sign 1) or gouges (sign -1).
-VertexSelection vertices_beyond_limit(const StockSkin& skin, const PartDeviation& part, double sign,
-                                      double limit) {
-  const std::size_t n = part.at.size();
+VertexSelection vertices_beyond_limit(const StockSkin& skin, const PartDeviation& deviation,
+                                      double sign, double limit) {
+  const std::size_t n = deviation.at.size();
   VertexSelection selection{sign > 0 ? FindingKind::Rest : FindingKind::Gouge,
                             std::vector<char>(n, 0), std::vector<VertexContribution>(n)};
   for (std::size_t i = 0; i < n; ++i) {
     const Index v = Index(i);
-    if (part.at[i] < 0 || !(sign * part.max_deviation[v] > limit)) continue;
-    const std::int32_t line = skin.line[std::size_t(part.at[i])];
+    if (deviation.at[i] < 0 || !(sign * deviation.max_deviation[v] > limit)) continue;
+    const std::int32_t line = skin.line[std::size_t(deviation.at[i])];
     if (sign < 0 && line == 0) continue;  // skin of a blank that is too small
     selection.is_selected[i] = 1;
-    selection.contributions[i] = {0.0, sign * part.max_deviation[v], skin.points_w.row(part.at[i]),
-                                  line, part.status[i] == SkinStatus::CutOff};
+    selection.contributions[i] = {0.0, sign * deviation.max_deviation[v],
+                                  skin.points_w.row(deviation.at[i]), line,
+                                  deviation.status[i] == SkinStatus::BeyondBand};
   }
   return selection;
 }
 
 /// Returns the region of each vertex; excludes vertices that cannot belong to a region.
-SkinRegions skin_regions(const StockSkin& skin, const PartDeviation& part,
+SkinRegions skin_regions(const StockSkin& skin, const PartDeviation& deviation,
                          std::vector<int> region_of, double sign, double limit) {
   SkinRegions result{std::move(region_of), 0, limit};
   for (std::size_t i = 0; i < result.region.size(); ++i) {
     result.count = std::max(result.count, result.region[i] + 1);
-    const bool is_blank = sign < 0.0 && part.at[i] >= 0 && part.max_deviation[Index(i)] < -limit &&
-                          skin.line[std::size_t(part.at[i])] == 0;
-    if (part.at[i] < 0 || is_blank) result.region[i] = SkinRegions::excluded;
+    const bool is_blank = sign < 0.0 && deviation.at[i] >= 0 &&
+                          deviation.max_deviation[Index(i)] < -limit &&
+                          skin.line[std::size_t(deviation.at[i])] == 0;
+    if (deviation.at[i] < 0 || is_blank) result.region[i] = SkinRegions::excluded;
   }
   return result;
 }
 
-VertexSelection undercut_vertices(const StockSkin& skin, const Points& area,
-                                  const Vector3d& along) {
+/// Returns the vertices of cut skin that lie under other material.
+VertexSelection undercut_vertices(const StockSkin& skin, const Points& directed_areas,
+                                  const Vector3d& towards_tool) {
   const std::size_t n = skin.mesh.line.size();
   VertexSelection selection{FindingKind::Undercut, std::vector<char>(n, 0),
                             std::vector<VertexContribution>(n)};
@@ -172,34 +175,35 @@ VertexSelection undercut_vertices(const StockSkin& skin, const Points& area,
   tbb::parallel_for(std::size_t(0), n, [&](std::size_t i) {
     if (skin.mesh.line[i] == 0) return;
     const Vector3d point = skin.mesh.vertices_w.row(Index(i));
-    const Vector3d a = area.row(Index(i)), outward = a.normalized();
-    // Start one spacing off the skin, so that a wall which leans by less counts as upright.
+    const Vector3d a = directed_areas.row(Index(i)), outward = a.normalized();
+    // Start one spacing off the skin, so that a wall that leans by less counts as upright.
     const auto hit =
-        tree.first_hit(point + skin.spacing * outward, along, TriangleTree::Side::Outer);
+        tree.first_hit(point + skin.spacing * outward, towards_tool, TriangleTree::Side::Outer);
     if (!hit) return;
     // Measured from the skin itself, not from the displaced start.
-    const double height = std::max(0.0, hit->along + skin.spacing * outward.dot(along));
+    const double height = std::max(0.0, hit->along + skin.spacing * outward.dot(towards_tool));
     selection.is_selected[i] = 1;
-    selection.contributions[i] = {height * std::max(0.0, a.dot(along)), height, point,
+    selection.contributions[i] = {height * std::max(0.0, a.dot(towards_tool)), height, point,
                                   skin.mesh.line[i], false};
   });
   return selection;
 }
 
-void sum_areas(const StockSkin& skin, const PartDeviation& part, const Eigen::VectorXd& area,
-               double gouge, Findings& findings) {
-  CompensatedSum compared, cut_off, no_design, unresolved, too_small;
-  for (std::size_t i = 0; i < part.status.size(); ++i) {
+void sum_areas(const StockSkin& skin, const PartDeviation& deviation, const Eigen::VectorXd& area,
+               double gouge_limit, Findings& findings) {
+  CompensatedSum compared, beyond_band, no_design, unresolved, blank_too_small;
+  for (std::size_t i = 0; i < deviation.status.size(); ++i) {
     const double vertex_area = area[Index(i)];
-    switch (part.status[i]) {
+    switch (deviation.status[i]) {
       // Skin beyond the band is compared, too.
-      case SkinStatus::CutOff:
-        cut_off.add(vertex_area);
+      case SkinStatus::BeyondBand:
+        beyond_band.add(vertex_area);
         [[fallthrough]];
       case SkinStatus::Compared:
         compared.add(vertex_area);
-        if (part.max_deviation[Index(i)] < -gouge && skin.line[std::size_t(part.at[i])] == 0)
-          too_small.add(vertex_area);
+        if (deviation.max_deviation[Index(i)] < -gouge_limit &&
+            skin.line[std::size_t(deviation.at[i])] == 0)
+          blank_too_small.add(vertex_area);
         break;
       case SkinStatus::NoDesign:
         no_design.add(vertex_area);
@@ -209,34 +213,34 @@ void sum_areas(const StockSkin& skin, const PartDeviation& part, const Eigen::Ve
     }
   }
   findings.compared = compared.value();
-  findings.cut_off = cut_off.value();
+  findings.beyond_band = beyond_band.value();
   findings.no_design = no_design.value();
   findings.unresolved = unresolved.value();
-  findings.too_small = too_small.value();
+  findings.blank_too_small = blank_too_small.value();
 }
 
 }  // namespace
 
-Findings findings(const StockSkin& skin, const PartDeviation& part, const DesignDistance& design,
-                  const FindingOptions& options) {
+Findings findings(const StockSkin& skin, const PartDeviation& deviation,
+                  const DesignDistance& design, const FindingOptions& options) {
   const std::size_t n = std::size_t(skin.mesh.vertices_w.rows());
-  if (part.at.size() != n || skin.first.size() != n + 1)
+  if (deviation.at.size() != n || skin.first.size() != n + 1)
     throw std::invalid_argument("findings: expected one deviation per vertex");
   if (!(options.rest > 0.0) || !(options.gouge > 0.0))
     throw std::invalid_argument("findings: expected limits above 0");
   Findings result;
   result.number.assign(n, 0);
   result.undercut.assign(n, 0);
-  const Points directed = directed_area(skin.mesh);
+  const Points directed_areas = directed_area(skin.mesh);
   const Eigen::VectorXd area = vertex_area(skin.mesh.vertices_w, skin.mesh.triangles);
   std::vector<int> region_of;
   const auto find_regions = [&](double sign, double limit) {
     std::vector<RegionAccumulator> regions =
-        collect_regions(skin, vertices_beyond_limit(skin, part, sign, limit), area, region_of);
+        collect_regions(skin, vertices_beyond_limit(skin, deviation, sign, limit), area, region_of);
     // Volumes are measured along lines through the part, not summed over vertices, which lie off
     // the skin at edges.
     const std::vector<double> volumes =
-        volumes_between(skin, design, skin_regions(skin, part, region_of, sign, limit),
+        volumes_between(skin, design, skin_regions(skin, deviation, region_of, sign, limit),
                         sign > 0.0 ? DeviationSide::Excess : DeviationSide::Missing);
     for (std::size_t i = 0; i < regions.size(); ++i) regions[i].finding.volume = volumes[i];
     list_regions(regions, region_of, options.max_listed, result, result.number);
@@ -245,10 +249,10 @@ Findings findings(const StockSkin& skin, const PartDeviation& part, const Design
   find_regions(-1.0, options.gouge);
   if (options.undercut_along && n > 0) {
     const std::vector<RegionAccumulator> regions = collect_regions(
-        skin, undercut_vertices(skin, directed, *options.undercut_along), area, region_of);
+        skin, undercut_vertices(skin, directed_areas, *options.undercut_along), area, region_of);
     list_regions(regions, region_of, options.max_listed, result, result.undercut);
   }
-  sum_areas(skin, part, area, options.gouge, result);
+  sum_areas(skin, deviation, area, options.gouge, result);
   return result;
 }
 

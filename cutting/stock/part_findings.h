@@ -60,12 +60,12 @@ struct Findings {
   std::vector<int> number;    ///< (vertices) 1 + index in `list` of the rest or gouge; 0: none
   std::vector<int> undercut;  ///< (vertices) the same for undercuts
   double compared = 0.0;      ///< mm^2 of skin that was compared with the design
-  double cut_off = 0.0;       ///< mm^2, part of the compared skin that exceeds the band
+  double beyond_band = 0.0;   ///< mm^2, part of the compared skin that exceeds the band
   double no_design = 0.0;     ///< mm^2 not compared, see `SkinStatus::NoDesign`
   double unresolved = 0.0;    ///< mm^2 not compared, see `SkinStatus::Unresolved`
   /// mm^2, part of the compared skin that was never cut and lies below the design by more than the
   /// limit for gouges: the blank is too small
-  double too_small = 0.0;
+  double blank_too_small = 0.0;
 };
 /// Minimum number of vertices of a finding; smaller regions are speckles.
 inline constexpr int min_vertices = 4;
@@ -76,7 +76,7 @@ inline constexpr int min_vertices = 4;
 /// find overhangs and gaps narrower than a spacing. The result is the same for any number of
 /// threads.
 /// @throws std::invalid_argument if sizes differ or a limit is not positive
-Findings findings(const StockSkin& skin, const PartDeviation& part, const DesignDistance& design,
-                  const FindingOptions& options = {});
+Findings findings(const StockSkin& skin, const PartDeviation& deviation,
+                  const DesignDistance& design, const FindingOptions& options = {});
 
 }  // namespace abbe::cutting

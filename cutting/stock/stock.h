@@ -52,8 +52,7 @@ class DexelLine {
   /// on an empty line.
   double signed_depth(double position) const;
 
-  /// Adds material above all existing runs; extends the last run if it ends where the new one
-  /// begins.
+  /// Adds material above all runs; extends the last run if it ends where the new one begins.
   void append(const DexelRun& run);
   /// Removes the material between two positions, which may be infinite. The new ends get `line`.
   /// Returns the removed length, mm.

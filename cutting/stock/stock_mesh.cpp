@@ -23,9 +23,9 @@ using Node = std::array<int, 3>;
 
 /// The position of the skin between two nodes, and the program line that cut it there.
 struct Crossing {
-  double at = 0.0;  ///< mm along the edge's axis from the grid's origin
-  std::int32_t line = 0;
-  bool is_end = false;  ///< true for the end of a run; false if interpolated between lines
+  double position = 0.0;  ///< mm along the edge's axis from the grid's origin
+  std::int32_t program_line = 0;
+  bool is_end = false;  ///< true at the end of a run; false if interpolated, clamped or assumed
 };
 
 const DexelLine& line_through(const DexelField& field, const Node& node) {
@@ -40,9 +40,9 @@ const DexelRun* run_containing(const DexelLine& line, double at) {
   return nullptr;
 }
 
-/// Returns the program line of the end of a run nearest to a position; it is assumed for the skin
-/// there.
-std::int32_t nearest_line(const DexelLine& line, double at) {
+/// Returns the program line at the end of a run that is nearest to a position; it is taken as that
+/// of the skin there.
+std::int32_t program_line_near(const DexelLine& line, double at) {
   double nearest = std::numeric_limits<double>::infinity();
   std::int32_t nearest_program_line = 0;
   const auto compare = [&](double position, std::int32_t program_line) {
@@ -57,7 +57,8 @@ std::int32_t nearest_line(const DexelLine& line, double at) {
   return nearest_program_line;
 }
 
-/// Dual contouring of the dexels, layer by layer, so that only two layers of nodes are in memory.
+/// Meshes the dexels by surface nets, i.e. dual contouring with every vertex at the mean of the
+/// crossings of its cell; layer by layer, so that only two layers of nodes are in memory.
 class SkinMesher {
  public:
   explicit SkinMesher(const Stock& stock, bool keeps_points = false)
@@ -90,7 +91,7 @@ class SkinMesher {
     result.line = std::move(point_lines_);
     result.first = std::move(first_);
     result.first.push_back(int(point_indices_.size()));
-    result.place = std::move(point_indices_);
+    result.point_indices = std::move(point_indices_);
     result.spacing = stock_.spacing;
     result.lattice = stock_.fields.size() == 1 ? StockSkin::Lattice::OneDirection
                                                : StockSkin::Lattice::ThreeDirections;
@@ -110,8 +111,7 @@ class SkinMesher {
     return std::size_t(i) + std::size_t(nx_ - 1) * std::size_t(j);
   }
 
-  /// Returns 1 for every node of a layer that is in material by the majority of the lines through
-  /// it.
+  /// Returns 1 for every node of a layer that most of the lines through it have in material.
   std::vector<char> material_nodes(int k) const {
     const double h = stock_.spacing;
     std::vector<char> votes(std::size_t(nx_) * std::size_t(ny_), 0);
@@ -139,6 +139,8 @@ class SkinMesher {
     return votes;
   }
 
+  /// Returns the crossing of the skin with the edge from a node along an axis.
+  /// @param rises  true if the material is at the upper end of the edge
   Crossing crossing(const Node& start_node, int axis, bool rises) const {
     const double h = stock_.spacing;
     const double start = start_node[std::size_t(axis)] * h;
@@ -146,7 +148,7 @@ class SkinMesher {
     const DexelField& field = stock_.fields[stock_.fields.size() == 1 ? 0 : std::size_t(axis)];
     const DexelLine& line = line_through(field, start_node);
     const DexelRun* const run = run_containing(line, rises ? start + h : start);
-    if (run == nullptr) return {start + 0.5 * h, nearest_line(line, start + 0.5 * h), false};
+    if (run == nullptr) return {start + 0.5 * h, program_line_near(line, start + 0.5 * h), false};
     const double end = rises ? run->low : run->high;
     const double at = std::clamp(end, start, start + h);
     return {at, rises ? run->low_line : run->high_line, at == end};
@@ -166,12 +168,12 @@ class SkinMesher {
     const double db = std::clamp(b.signed_depth(z), -4 * h, 4 * h);
     const double fraction = da != db ? std::clamp(da / (da - db), 0.0, 1.0) : 0.5;
     const DexelLine& outside = da > 0.0 ? b : a;
-    return {(start_node[std::size_t(axis)] + fraction) * h, nearest_line(outside, z), false};
+    return {(start_node[std::size_t(axis)] + fraction) * h, program_line_near(outside, z), false};
   }
 
-  /// Returns the index of the point on an edge, addressed by the edge's lower node: the arrays are
-  /// those of edges along x in the lower and the upper layer of nodes, along y the same, and along
-  /// z.
+  /// Returns the index of the point on an edge, which is addressed by its lower node. The five
+  /// arrays hold the edges along x in the lower and in the upper layer of nodes, those along y in
+  /// both layers, and those along z.
   int& edge_point(const Node& start_node, int axis, int layer) {
     const std::size_t edge_kind = axis == 2 ? 4 : std::size_t(2 * axis + (start_node[2] - layer));
     return edge_points_[edge_kind][node(start_node[0], start_node[1])];
@@ -190,7 +192,7 @@ class SkinMesher {
       number = skin_crossing.is_end ? int(points_.size()) : no_point;
       if (skin_crossing.is_end) {
         points_.push_back(point);
-        point_lines_.push_back(skin_crossing.line);
+        point_lines_.push_back(skin_crossing.program_line);
       }
     }
     if (number != no_point) point_indices_.push_back(number);
@@ -212,7 +214,7 @@ class SkinMesher {
         };
         cells[cell(i, j)] = int(vertex_positions_.size());
         add_vertex({i, j, k}, is_inside);
-        // There are about twice as many triangles, whose corner indices must fit in int.
+        // There are about twice as many triangles, whose number must also fit in int.
         if (vertex_positions_.size() > std::size_t(std::numeric_limits<int>::max()) / 4)
           throw std::length_error("stock mesh: more than 500 million vertices");
       }
@@ -234,10 +236,10 @@ class SkinMesher {
                               cell_node[2] + (corner >> 2)};
         const Crossing skin_crossing = crossing(start_node, axis, is_inside(end));
         Vector3d point = stock_.spacing * Vector3d(start_node[0], start_node[1], start_node[2]);
-        point[axis] = skin_crossing.at;
+        point[axis] = skin_crossing.position;
         sum += point;
         if (keeps_points_) record_point(start_node, axis, cell_node[2], skin_crossing, point);
-        lines[std::size_t(count++)] = skin_crossing.line;
+        lines[std::size_t(count++)] = skin_crossing.program_line;
       }
     vertex_positions_.push_back(sum / count);
     lines_.push_back(most_frequent(lines, count));
@@ -270,8 +272,7 @@ class SkinMesher {
       }
   }
 
-  /// Adds the quadrilaterals around the edges in the lower layer of nodes, between two layers of
-  /// cells.
+  /// Adds the quadrilaterals around the edges in a layer of nodes, between two layers of cells.
   void add_horizontal_edge_quads(const std::vector<int>& lower, const std::vector<int>& upper) {
     for (int j = 1; j + 1 < ny_; ++j)
       for (int i = 1; i + 1 < nx_; ++i) {
@@ -284,7 +285,7 @@ class SkinMesher {
           add_quad(
               {lower[cell(i - 1, j)], upper[cell(i - 1, j)], upper[cell(i, j)], lower[cell(i, j)]},
               is_material);
-        // The edges between these nodes and those of the border, which are outside.
+        // The edges between these nodes and the border nodes, which are outside.
         if (i == 1 && is_material)
           add_quad(
               {lower[cell(0, j - 1)], lower[cell(0, j)], upper[cell(0, j)], upper[cell(0, j - 1)]},
@@ -296,8 +297,7 @@ class SkinMesher {
       }
   }
 
-  /// Adds two triangles, split along the shorter diagonal, which follows a curved skin more
-  /// closely.
+  /// Adds two triangles, split along the shorter diagonal, which is closer to a curved skin.
   void add_quad(std::array<int, 4> v, bool faces_up) {
     if (!faces_up) std::reverse(v.begin(), v.end());
     const auto corner = [&](int i) -> const Vector3d& {
@@ -357,35 +357,36 @@ StockSkin stock_skin(const Stock& stock) {
 
 namespace {
 
-constexpr double second_derivative_bound =
-    1e-3;  // mm; a profile that bends by less is replaced by a line
+// mm; the polyline of a profile deviates from it by at most this.
+constexpr double polyline_tolerance = 1e-3;
 
 double position(const TurnedStock& stock, Eigen::Index node) {
   return stock.first + stock.spacing * double(node);
 }
 
-/// Returns the nodes of a polyline within `second_derivative_bound` of the profile, ends included.
+/// Returns the nodes of a polyline within `polyline_tolerance` of the profile, ends included.
 /// A single pass suffices: the slopes that keep all nodes since the last vertex within
-/// `second_derivative_bound` form an interval, which narrows from node to node.
+/// `polyline_tolerance` form an interval, which narrows from node to node.
 std::vector<Eigen::Index> thinned_nodes(const TurnedStock& stock) {
   std::vector<Eigen::Index> nodes{0};
   const Eigen::Index n = stock.radius.size();
   double min_slope = -INFINITY, max_slope = INFINITY;
   for (Eigen::Index i = 1; i < n; ++i) {
-    const double from = stock.radius[nodes.back()];
+    const double start_radius = stock.radius[nodes.back()];
     const double node_distance = double(i - nodes.back());
-    const double slope = (stock.radius[i] - from) / node_distance;
+    const double slope = (stock.radius[i] - start_radius) / node_distance;
+    // 1: cut by the program, 0: never cut, -1: cut in a crash.
     const auto surface_kind = [&](Eigen::Index k) {
       return std::clamp(stock.line[std::size_t(k)], -1, 1);
     };
     if (slope < min_slope || slope > max_slope || surface_kind(i) != surface_kind(i - 1)) {
       if (nodes.back() != i - 1) nodes.push_back(i - 1);
-      min_slope = stock.radius[i] - stock.radius[i - 1] - second_derivative_bound;
-      max_slope = stock.radius[i] - stock.radius[i - 1] + second_derivative_bound;
+      min_slope = stock.radius[i] - stock.radius[i - 1] - polyline_tolerance;
+      max_slope = stock.radius[i] - stock.radius[i - 1] + polyline_tolerance;
       continue;
     }
-    min_slope = std::max(min_slope, slope - second_derivative_bound / node_distance);
-    max_slope = std::min(max_slope, slope + second_derivative_bound / node_distance);
+    min_slope = std::max(min_slope, slope - polyline_tolerance / node_distance);
+    max_slope = std::min(max_slope, slope + polyline_tolerance / node_distance);
   }
   if (nodes.back() != n - 1) nodes.push_back(n - 1);
   return nodes;
@@ -476,7 +477,7 @@ StockSkin stock_skin(const TurnedStock& stock, int vertices_per_ring) {
   skin.line = skin.mesh.line;
   skin.first.resize(skin.line.size() + 1);
   std::iota(skin.first.begin(), skin.first.end(), 0);
-  skin.place.assign(skin.first.begin(), skin.first.end() - 1);
+  skin.point_indices.assign(skin.first.begin(), skin.first.end() - 1);
   return skin;
 }
 

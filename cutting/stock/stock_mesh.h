@@ -17,8 +17,8 @@ struct StockSkin {
   StockMesh mesh;
   Points points_w;                 ///< (m x 3) mm, ends of runs of material
   std::vector<std::int32_t> line;  ///< (m) program line of each point, as in DexelRun
-  std::vector<int> first;          ///< (vertices + 1) start of the points of a vertex in `place`
-  std::vector<int> place;          ///< rows of `points_w`, vertex after vertex
+  std::vector<int> first;  ///< (vertices + 1) start of the points of a vertex in `point_indices`
+  std::vector<int> point_indices;  ///< rows of `points_w`, vertex after vertex
   double spacing = 0.0;            ///< mm, between dexels or nodes of a profile
   /// The directions in which the skin was sampled.
   enum class Lattice : std::uint8_t {

@@ -32,7 +32,7 @@ struct BallPath {
 
   Vector3d centre(const CutterPose& pose) const { return pose.tip + cutter.radius * pose.axis; }
   /// Returns an upper bound of the distance of the centre from its chord, R angle^2 / 8, mm. A ball
-  /// thicker by the sag that runs along the chord contains the sweep.
+  /// whose radius is larger by the sag, moved along the chord, contains the sweep.
   double sag() const { return 0.125 * cutter.radius * angle * angle; }
 };
 
@@ -43,8 +43,8 @@ bool is_below_flank(const BallPath& path, const Ray& ray, double s) {
   const double squared_angle = path.angle * path.angle;
   const Vector3d start_offset = ray_end - path.start_centre;
   const Vector3d end_offset = ray_end - path.end_centre;
-  double bulge = 0.0;  // twice the amount by which a height above the tip can exceed its values at
-                       // the ends
+  // Twice the amount by which a height above the tip can exceed its values at the ends.
+  double bulge = 0.0;
   if (path.angle != 0) {
     const double length_sum = path.cutter.radius + start_offset.norm() + end_offset.norm();
     bulge = 0.25 * (length_sum * squared_angle +
@@ -56,8 +56,7 @@ bool is_below_flank(const BallPath& path, const Ray& ray, double s) {
          start_offset.dot(path.start.axis) <= -bulge && end_offset.dot(path.end.axis) <= -bulge;
 }
 
-/// Returns the first entry of the ray's line into a ball of `radius` whose centre runs along the
-/// chord.
+/// Returns the first entry of the ray's line into a ball of `radius` moved along the chord.
 std::optional<Entry> capsule_entry(const BallPath& path, const Ray& ray, double radius) {
   const Vector3d w = ray.point - path.start_centre;
   const Vector3d chord = path.end_centre - path.start_centre;
@@ -80,8 +79,8 @@ std::optional<Entry> capsule_entry(const BallPath& path, const Ray& ray, double 
   return Entry{x * rise - along_ray - std::sqrt(squared_half_chord), x};
 }
 
-/// Returns the entry into the ball on its true path, by Newton's method from `x`. Returns nothing
-/// unless the entry is strictly convex in time, or if the iteration does not converge.
+/// Returns the entry into the ball on its true path, by Newton's method from `x`. Empty if the
+/// entry is not strictly convex in time or the iteration does not converge.
 std::optional<Entry> curved_entry(const BallPath& path, const Ray& ray, double x) {
   const double R = path.cutter.radius;
   const Vector3d chord = path.end_centre - path.start_centre;
@@ -91,8 +90,7 @@ std::optional<Entry> curved_entry(const BallPath& path, const Ray& ray, double x
   if (cross_speed < R * path.angle * (1.1 + path.angle)) return std::nullopt;
   const double duration = path.move.to - path.move.from;
   const Vector3d step = duration * path.move.step;
-  // Far fewer than 8 steps suffice if Newton's method converges; otherwise the general search
-  // decides.
+  // Newton's method needs far fewer than 8 steps, or else the general search decides.
   for (int i = 0; i < 8; ++i) {
     const double t = instant(path.move, x);
     const CutterPose pose = cutter_pose(path.move, t);
@@ -183,7 +181,7 @@ constexpr float rounding = 6e-8f;
       rounding * ((45.0f * M * M + 26.0f * x * x) / half_chord + 11.0f * M + 9.0f * stdx::abs(x));
   Float8 s = x * rise - wn - half_chord - doubt;
   stdx::where(!(D > 0.26f * R2) || !(a > 0.51f), s) = Float8(-1e30f);
-  // Misses by more than a hundredth of R^2, which is far beyond the rounding of `max_squared`.
+  // The ray misses by more than a hundredth of R^2, far beyond the rounding of `max_squared`.
   stdx::where(max_squared < -0.01f * R2 && a > 0.51f, s) = Float8(1e30f);
   return s;
 }

@@ -69,8 +69,7 @@ DirectionalDerivatives directional_derivatives(const PassQuery& query, const Pas
   return {0.5 * (slope_after + slope_before), (slope_after - slope_before) / query.step};
 }
 
-/// Returns the unit vector of the feed's component in the tangent plane, or nothing if the feed has
-/// none.
+/// Returns the unit vector of the feed's component in the tangent plane; empty if there is none.
 std::optional<Vector3d> surface_feed(const PassQuery& query) {
   if (!query.feed) return std::nullopt;
   const Vector3d tangential = *query.feed - query.feed->dot(query.normal) * query.normal;

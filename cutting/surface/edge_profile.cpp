@@ -17,8 +17,7 @@ using Eigen::Vector2d;
 namespace {
 
 /// Returns the radius, mm, of the smallest circle about the origin that contains the segments. On
-/// an arc the farthest point may lie between the ends, where the normal points away from the
-/// origin.
+/// an arc the farthest point may be where the normal points away from the origin.
 double max_radius(const std::vector<OutlineSegment>& segments) {
   double result = 0.0;
   for (const OutlineSegment& segment : segments) {
@@ -99,9 +98,8 @@ Chord within_circle(const Vector2d& v, const Vector2d& step, double radius) {
   return {closest - half_chord, closest + half_chord};
 }
 
-/// Returns the part of a chord inside a region bounded by an arc and the tangents at its ends. On
-/// the inner side of the arc's chord the region is the wedge between the tangents, beyond it the
-/// circle.
+/// Returns the part of a chord inside a region bounded by an arc and the tangents at its ends.
+/// Inside the arc's chord the region is the wedge of the tangents, beyond it the circle.
 Chord within_arc(const Chord& chord, const OutlineSegment& arc, const Vector2d& point,
                  const Vector2d& step) {
   const Vector2d from_start = point - arc.from, from_end = point - arc.to;
@@ -135,7 +133,8 @@ EdgeProfile insert_profile(const Insert& insert) {
   const Vector2d minor_begin = has_wiper ? Vector2d(insert.wiper, -r) : arc_end;
   const Vector2d major_end = major_begin + insert.major_length * major_direction;
   const Vector2d minor_end = minor_begin + insert.minor_length * minor_direction;
-  // The rear corner of the parallelogram is minor_end + s ahead = major_end + t behind.
+  // The rear corner is that of the parallelogram: minor_end + s major_direction = major_end + t
+  // minor_direction.
   const double sine = cross2d(minor_direction, major_direction);
   const double s = cross2d(minor_direction, major_end - minor_end) / sine;
   const Vector2d rear_corner = minor_end + s * major_direction;

@@ -68,8 +68,7 @@ bool is_deep(const Cutter& cutter, const Move& move, double t, const Ray& ray, d
   return depth(cutter, move, t, ray.point + s * ray.normal) > 1e-6 * cutter.radius;
 }
 
-/// A ball end that stands still. `first_s` is the s at which a ray meets it, or slightly more; the
-/// end of the band if the ray misses or only grazes the ball.
+/// A ball end that stands still.
 class StandingBall {
  public:
   StandingBall(const Cutter& cutter, const Move& move, double t)
@@ -77,6 +76,8 @@ class StandingBall {
     centre_ = cutter_pose(move, t).tip + cutter.radius * axis_;
   }
 
+  /// Returns the s at which a ray meets the ball, or slightly more; the end of the band if the ray
+  /// misses or only grazes the ball.
   double first_s(const Ray& ray) const {
     const double squared_radius = cutter_.radius * cutter_.radius;
     const Vector3d w = ray.point - centre_;
@@ -101,8 +102,8 @@ class StandingBall {
 
 /// Returns the s slightly beyond the bound of a lane if that point lies deep in the cutter of the
 /// lane's move.
-std::optional<double> inside_point(const Cutter& cutter, const Move& move,
-                                   const EntryBounds& bounds, std::size_t lane, const Ray& ray) {
+std::optional<double> s_inside_cutter(const Cutter& cutter, const Move& move,
+                                      const EntryBounds& bounds, std::size_t lane, const Ray& ray) {
   const double min_s = bounds.min_s[lane], s = min_s + 1e-4 * cutter.radius;
   if (!(min_s > -ray.band && s < ray.band)) return std::nullopt;
   const double t = instant(move, bounds.fraction[lane]);
@@ -115,7 +116,7 @@ double first_s_of_moves(const Cutter& cutter, std::span<const Move> moves,
   const float* min_s = std::min_element(bounds.min_s, bounds.min_s + moves.size());
   const std::size_t nearest = std::size_t(min_s - bounds.min_s);
   const Move& move = moves[nearest];
-  if (const auto s = inside_point(cutter, move, bounds, nearest, ray)) return *s;
+  if (const auto s = s_inside_cutter(cutter, move, bounds, nearest, ray)) return *s;
   return instant_entry(cutter, move, instant(move, bounds.fraction[nearest]), ray, *min_s)
       .value_or(ray.band);
 }
@@ -158,7 +159,7 @@ void lower_limits_by_planes(std::span<double> limits, std::span<const Ray> rays,
   EntryBounds bounds;
   entry_bounds(cutter, {&pairs, 1}, rays.front().band, {&bounds, 1});
   for (std::size_t i = 0; i < rays.size(); ++i)
-    if (const auto s = inside_point(cutter, near.moves[nearest[i]], bounds, i, rays[i]))
+    if (const auto s = s_inside_cutter(cutter, near.moves[nearest[i]], bounds, i, rays[i]))
       lower_limit(limits[i], *s);
 }
 

@@ -182,8 +182,8 @@ inline double rounded_box_entry(const NoseNode& node, const NoseRaySegment& ray,
   return s > ray.to ? no_entry : s;
 }
 
-/// Returns a lower bound of the s at which a segment below the node can meet the ray; infinity if
-/// none can.
+/// Returns a lower bound of the s at which segments below the node meet the ray; infinity if none
+/// can.
 inline double entry_bound(const NoseNode& node, const NoseRaySegment& ray, double outer_radius) {
   // 1e-9 mm is more than the rounding of the box test.
   return may_contain_by_angle(node, ray) ? rounded_box_entry(node, ray, outer_radius) - 1e-9
@@ -197,8 +197,8 @@ class ProfileBound {
  public:
   ProfileBound(const EdgeProfile& profile, const NoseSweep& sweep);
 
-  /// Returns a lower bound of the s at which a segment below the node can meet the ray; infinity if
-  /// none can.
+  /// Returns a lower bound of the s at which segments below the node meet the ray; infinity if none
+  /// can.
   double entry_bound(int index, const NoseNode& node, const NoseRaySegment& ray) const;
 
  private:

@@ -152,8 +152,7 @@ OutlineDistance distance(const std::vector<OutlineSegment>& segments, const Eige
 Eigen::Vector2d extreme_point(const std::vector<OutlineSegment>& segments,
                               const Eigen::Vector2d& direction);
 
-/// Returns the cross product of two vectors: the sine of the angle from a to b, times their
-/// lengths.
+/// Returns the cross product: the lengths of the vectors times the sine of the angle from a to b.
 inline double cross2d(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
   return a.x() * b.y() - a.y() * b.x();
 }

@@ -23,8 +23,8 @@ constexpr double max_part_angle = 0.05;  // rad; the header states what a larger
 int move_part_count(const CutterMotion& motion, int move) {
   const int next = std::min<int>(move + 1, int(motion.tip.rows()) - 1);
   const double squared_chord = (motion.axis.row(next) - motion.axis.row(move)).squaredNorm();
-  // The chord is below the angle by 1e-4 here. 1 % off its square avoids the arc sine for almost
-  // all moves without missing a turn.
+  // At this angle the chord is 1e-4 shorter than the arc. The margin of 1 % of its square avoids
+  // the arc sine for almost all moves and misses no turn.
   if (squared_chord < 0.99 * max_part_angle * max_part_angle) return 1;
   return 1 + int(2 * std::asin(std::min(1.0, 0.5 * std::sqrt(squared_chord))) / max_part_angle);
 }
@@ -48,11 +48,9 @@ using Eigen::Index;
 using Eigen::Vector3d;
 
 constexpr double rim_width = 1e-7;   // mm; a contact this near to a sharp rim is on it
-constexpr double min_cosine = 1e-6;  // of the angle between the skin's normal and that of the
-                                     // design
+constexpr double min_cosine = 1e-6;  // of the angle between the normals of skin and design
 
-/// The interval between two samples that contains an instant, and the fraction of it that has
-/// passed.
+/// The interval between samples that contains an instant, and the fraction of it that has passed.
 struct Instant {
   int interval;
   double u;
@@ -72,9 +70,9 @@ bool is_on_rim(const Cutter& cutter, const Eigen::Vector2d& point) {
   if (!cutter.outline)
     return cutter.corner_radius == 0.0 && std::abs(point.y()) < rim_width &&
            std::abs(point.x() - cutter.radius) < rim_width;
-  return std::ranges::any_of(cutter.outline->segments, [&](const OutlineSegment& piece) {
-    return piece.is_arc && piece.radius == 0.0 &&
-           (point - piece.from).cwiseAbs().maxCoeff() < rim_width;
+  return std::ranges::any_of(cutter.outline->segments, [&](const OutlineSegment& segment) {
+    return segment.is_arc && segment.radius == 0.0 &&
+           (point - segment.from).cwiseAbs().maxCoeff() < rim_width;
   });
 }
 
@@ -102,8 +100,7 @@ std::optional<Vector3d> skin_normal(const Cutter& cutter, const CutterPose& pose
   return Vector3d(contact - (pose.tip + corner * pose.axis + ring_radius * outward));
 }
 
-/// Returns the normal of an insert's edge in the rake plane, at the edge point nearest to a
-/// contact.
+/// Returns the normal of an insert's edge, in the rake plane, at the point nearest to a contact.
 /// @param R            rotation of frame t
 /// @param from_origin  contact relative to the origin of frame t
 Vector3d edge_normal(const EdgeProfile& profile, const Eigen::Matrix3d& R,
@@ -128,21 +125,20 @@ PassGradients contact_gradients(const Design& design, const Surface& surface,
                                 const VertexModel& vertex_model) {
   const Index vertex_count = design.vertices.rows();
   require(surface.residual.size() == vertex_count && design.normals.rows() == vertex_count,
-          "contacts: the surface and the design differ in size");
+          "gradients: the surface and the design differ in size");
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-  PassGradients contacts{Points::Constant(vertex_count, 3, nan),
-                         Eigen::VectorXd::Constant(vertex_count, nan)};
+  PassGradients gradients{Points::Constant(vertex_count, 3, nan),
+                          Eigen::VectorXd::Constant(vertex_count, nan)};
   tbb::parallel_for(tbb::blocked_range<Index>(0, vertex_count, 1024), [&](const auto& range) {
     for (Index v = range.begin(); v < range.end(); ++v) {
       if (surface.status[std::size_t(v)] != VertexStatus::Cut) continue;
-      const Vector3d contact =
-          (design.vertices.row(v) + surface.residual[v] * design.normals.row(v));
+      const Vector3d contact = design.vertices.row(v) + surface.residual[v] * design.normals.row(v);
       const auto [gradient, travel] = vertex_model(v, contact);
-      contacts.gradient.row(v) = gradient;
-      contacts.travel[v] = travel;
+      gradients.gradient.row(v) = gradient;
+      gradients.travel[v] = travel;
     }
   });
-  return contacts;
+  return gradients;
 }
 
 }  // namespace
@@ -193,8 +189,8 @@ PassGradients turned_gradients(const Design& design_w, const Surface& surface, c
                                    contact - centre)
                      : Vector3d(contact - centre);
     const Vector3d work_direction = spindle_axis.cross(contact - motion.spindle_point);
-    // The edge runs normal to the arm (of an insert: to its normal) within the rake plane, and the
-    // work passes it around the spindle line; the skin contains both directions.
+    // Within the rake plane the edge runs perpendicular to `edge_vector`, and the work passes it
+    // about the spindle line; the skin contains both directions.
     const Vector3d skin = rake.cross(edge_vector).cross(work_direction);
     const Vector3d normal = design_w.normals.row(v);
     const std::optional<Vector3d> defined_skin =

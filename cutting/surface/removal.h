@@ -1,6 +1,5 @@
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include "cutting/part/mesh.h"
@@ -8,8 +7,8 @@
 #include "cutting/surface/surface.h"
 #include "cutting/surface/tool.h"
 
-/// Removal of material along a ray, the parts of moves that turn the axis, and the gradient of the
-/// residual of the pass that removed it.
+/// The removal of material along a ray, the parts into which a turning move is divided, and the
+/// gradient of the residual for the pass that made the surface.
 namespace abbe::cutting {
 
 /// The event that made the machined surface on a ray.
@@ -38,8 +37,8 @@ struct PassGradients {
                            ///< cut by two passes; NaN unless cut
 };
 
-/// Returns the gradients of a surface computed by `milled_surface`. Uses the skin of the tool
-/// itself where the tool stands still.
+/// Returns the gradients of a surface computed by `milled_surface`. Where the tool stands still,
+/// they are those of the surface of the tool itself.
 /// @param initial_length  mm, path length of the tool before the motion begins
 /// @throws std::invalid_argument if sizes differ
 PassGradients milled_gradients(const Design& design_w, const Surface& surface, const Cutter& cutter,

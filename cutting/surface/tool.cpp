@@ -20,11 +20,11 @@ namespace {
 using Segments = std::vector<OutlineSegment>;
 using Number = OutlineError::Number;
 
-// Limits the convex parts of a hollow tool, each of which is searched by itself.
+// Limits the number of convex parts of a hollow tool, each of which is searched by itself.
 constexpr int max_chords = 200;
 
 /// Returns the direction of travel along an outline with this outward normal.
-Vector2d along(const Vector2d& normal) { return {-normal.y(), normal.x()}; }
+Vector2d tangent(const Vector2d& normal) { return {-normal.y(), normal.x()}; }
 
 void check_rise(double previous_height, const Vector2d& point) {
   if (point.y() < previous_height)
@@ -117,6 +117,7 @@ void visit_points(const std::vector<OutlinePoint>& points, const Straight& strai
 }
 
 std::vector<OutlinePoint> replace_inward_arcs(const std::vector<OutlinePoint>& points) {
+  // An outline that does not start at height 0 is rejected later, by `segments_from_points`.
   if (points.empty() || !(std::abs(points.front().at.y()) <= coincidence_tolerance)) return points;
   std::vector<OutlinePoint> result;
   visit_points(
@@ -177,7 +178,7 @@ ToolOutline run_outline(const Segments& run) {
 }
 
 /// Returns the midpoint of that part of a line from a corner which lies inside a convex outline.
-/// The part ends at half the corner's distance from the axis.
+/// The part ends no later than half way to the axis.
 Vector2d inner_midpoint(const ToolOutline& outline, const Vector2d& corner, const Vector2d& line) {
   if (std::abs(line.y()) <= bend_tolerance) return corner;
   const double end_height = line.y() > 0.0 ? outline.height : outline.segments.front().from.y();
@@ -218,7 +219,7 @@ void extend_end(Segments& run, const Vector2d& end) {
 }
 
 /// Returns the outline, hollow if it has more than one convex run.
-/// @param pieces  from the tip to the axis at the top, without sharp corners
+/// @param segments  from the tip to the axis at the top, without sharp corners
 ToolOutline outline_from_runs(const Segments& segments) {
   const std::vector<Segments> runs = split_at_inward_corners(segments);
   if (runs.size() == 1) return closed_outline(segments);
@@ -232,10 +233,10 @@ ToolOutline outline_from_runs(const Segments& segments) {
     Segments extended_run = runs[k];
     if (k > 0)
       extend_start(extended_run, inner_midpoint(cores[k - 1], extended_run.front().from,
-                                                -along(extended_run.front().normal_from)));
+                                                -tangent(extended_run.front().normal_from)));
     if (k + 1 < runs.size())
       extend_end(extended_run, inner_midpoint(cores[k + 1], extended_run.back().to,
-                                              along(extended_run.back().normal_to)));
+                                              tangent(extended_run.back().normal_to)));
     outline.parts.push_back(run_outline(extended_run));
     outline.radius = std::max(outline.radius, outline.parts.back().radius);
     outline.height = std::max(outline.height, outline.parts.back().height);
@@ -249,7 +250,7 @@ ToolOutline outline_from_runs(const Segments& segments) {
 /// Moves the end of one line and the start of the next to their intersection, after a displacement
 /// opened the inward corner between them.
 void join_lines(OutlineSegment& lower, OutlineSegment& upper, const Vector2d& corner) {
-  const Vector2d u = along(lower.normal_to), v = along(upper.normal_from);
+  const Vector2d u = tangent(lower.normal_to), v = tangent(upper.normal_from);
   const double offset = cross2d(upper.from - lower.from, v) / cross2d(u, v);
   const Vector2d intersection = lower.from + offset * u;
   if (lower.is_arc || upper.is_arc || !(offset > 0.0) || !((upper.to - intersection).dot(v) > 0.0))
@@ -316,10 +317,10 @@ double neck_radius(const Segments& sides) {
   return result;
 }
 
-/// Returns the vertices of a polyline with few segments that lies on or below the points, by at
-/// most the tolerance.
-std::vector<Vector2d> lower_polyline(const std::vector<Vector2d>& points, double tolerance) {
-  const auto is_below = [&](std::size_t from, std::size_t to) {
+/// Returns the vertices of a polyline with few segments that lies on the points or nearer to the
+/// axis, by at most the tolerance.
+std::vector<Vector2d> inner_polyline(const std::vector<Vector2d>& points, double tolerance) {
+  const auto is_inside = [&](std::size_t from, std::size_t to) {
     const Vector2d direction = points[to] - points[from];
     for (std::size_t k = from + 1; k < to; ++k) {
       const double x =
@@ -331,7 +332,7 @@ std::vector<Vector2d> lower_polyline(const std::vector<Vector2d>& points, double
   std::vector<Vector2d> vertices{points.front()};
   for (std::size_t from = 0; from + 1 < points.size();) {
     std::size_t to = from + 1;
-    while (to + 1 < points.size() && is_below(from, to + 1)) ++to;
+    while (to + 1 < points.size() && is_inside(from, to + 1)) ++to;
     vertices.push_back(points[to]);
     from = to;
   }
@@ -348,7 +349,7 @@ InsetOutline inset_hollow(const ToolOutline& outline, double margin) {
   if (!(usable_height > 0.0))
     throw std::invalid_argument("outline: no part of it remains at this inset");
   // Cells of a quarter of the margin, but at most 1000, hence the five-hundredth of the height in
-  // the stated bound: a cell counts its neighbours' heights too.
+  // the stated bound: a cell includes the heights of its neighbours.
   const double cells = std::clamp(std::ceil(4.0 * usable_height / margin), 1.0, max_cells);
   std::vector<Vector2d> samples;
   for (int i = 0; i <= int(cells); ++i) {
@@ -363,7 +364,7 @@ InsetOutline inset_hollow(const ToolOutline& outline, double margin) {
   if (last - first < 2) throw std::invalid_argument("outline: no part of it remains at this inset");
   const double tip_rise = first->y();
   std::vector<OutlinePoint> points;
-  for (const Vector2d& sample : lower_polyline({first, last}, 0.05 * margin))
+  for (const Vector2d& sample : inner_polyline({first, last}, 0.05 * margin))
     points.push_back({{sample.x(), sample.y() - tip_rise}});
   return {tool_outline_from_points(points), tip_rise};
 }
@@ -400,9 +401,11 @@ ToolOutline run_out_envelope(const ToolOutline& outline, double radial, double a
     }
     boundary.push_back(segment);
   };
+  // Corners, arcs of radius 0, are left out; `outline_from_runs` inserts them again.
   for (const OutlineSegment& segment : outline.segments)
     if (!segment.is_arc || segment.radius > 0.0)
       for (const OutlineSegment& half : split_at_widest(segment)) append(half);
+  // The displacement has moved the end of the top off the axis.
   boundary.back().to.x() = 0.0;
   return outline_from_runs(boundary);
 }

@@ -222,7 +222,7 @@ program::ContactField contact_on(cutting::MeshHeightMap contact) {
 /// Returns the warning about a search for surfaces that was stopped, since the mesh is close to a
 /// plane, sphere, cylinder, cone or torus at too many places.
 std::string unfinished_recognition_text(const PartDescription& described,
-                                        const cutting::Recognised& recognition) {
+                                        const cutting::RecognisedMesh& recognition) {
   return fmt::format(
       "the search for planes, spheres, cylinders, cones and tori within {:.3g} um on the mesh was "
       "abandoned: too many regions nearly match. {} of its {} triangles were not recognised and "
@@ -236,7 +236,8 @@ std::string unfinished_recognition_text(const PartDescription& described,
 /// instead of the facets.
 Design recognise_faces(const PartDescription& described, Part& part, const Design& faces) {
   if (described.flat_facets || !(described.recognition_tolerance > 0.0)) return faces;
-  cutting::Recognised recognition = cutting::recognised(faces, described.recognition_tolerance);
+  cutting::RecognisedMesh recognition =
+      cutting::recognise_patches(faces, described.recognition_tolerance);
   part.recognised = std::move(recognition.patches);
   for (const auto& patch : part.recognised)
     part.recognised_fraction += patch.area / recognition.area;

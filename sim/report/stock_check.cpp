@@ -108,7 +108,7 @@ std::string excluded_text(const StockCheck& check) {
   };
   add(findings.no_design, "has no design surface nearby");
   add(findings.unresolved, "is wall parallel to the dexels");
-  add(findings.too_small, "is where the blank is too small for the part");
+  add(findings.blank_too_small, "is where the blank is too small for the part");
   return text.empty() ? "" : "of the machined surface " + text + "\n";
 }
 
@@ -245,10 +245,10 @@ ordered_json to_json(const StockCheck& check) {
           {"gouge_um", check.limits.gouge / units::um},
           {"band_mm", check.band},
           {"compared_mm2", f.compared},
-          {"beyond_band_mm2", f.cut_off},
+          {"beyond_band_mm2", f.beyond_band},
           {"no_design_mm2", f.no_design},
           {"unresolved_mm2", f.unresolved},
-          {"blank_too_small_mm2", f.too_small},
+          {"blank_too_small_mm2", f.blank_too_small},
           {"undercuts_looked_for", !check.is_turned},
           {"left_out", check.omitted_effects},
           {"rest", kind_json(check, FindingKind::Rest)},

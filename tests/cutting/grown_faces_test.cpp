@@ -15,7 +15,7 @@ using filleted::Body;
 
 constexpr double tolerance = 0.1 * units::um;
 
-std::map<std::string, int> forms_in(const Recognised& found) {
+std::map<std::string, int> forms_in(const RecognisedMesh& found) {
   constexpr const char* names[] = {"plane", "sphere", "cylinder", "cone", "torus"};
   std::map<std::string, int> forms;
   for (const AnalyticPatch& one : found.patches) ++forms[names[std::size_t(one.form)]];
@@ -58,7 +58,7 @@ TEST(FaceRegions, FilletsAndWhatTheyJoinFromAnStl) {
                    << body.name << " at " << degrees << " degrees, seed " << seed);
       const Eigen::Isometry3d T = filleted::any_pose(seed++, 200.0);
       const Design faces = split_at_edges(filleted::as_stl(body, T), pi / 6);
-      const Recognised found = recognised(faces, tolerance);
+      const RecognisedMesh found = recognise_patches(faces, tolerance);
       EXPECT_EQ(forms_in(found), body.faces);
       double area = 0.0;
       for (const AnalyticPatch& one : found.patches) area += one.area;
@@ -84,7 +84,7 @@ TEST(FaceRegions, TangentBordersAreNoEdges) {
   const Body body = filleted::boss(8.0, 12.0, 1.5, 20.0, 15.0);
   const Design faces =
       split_at_edges(filleted::as_stl(body, Eigen::Isometry3d::Identity()), pi / 6);
-  const Recognised found = recognised(faces, tolerance);
+  const RecognisedMesh found = recognise_patches(faces, tolerance);
   ASSERT_EQ(found.patches.size(), 5u);
   const Design round = refine_round_borders(found.design, found.patches, 0.1 * tolerance);
   const std::vector<int> patch = patches(round);
@@ -109,8 +109,8 @@ TEST(FaceRegions, AProgramFollowsTheSurfaceAndNotTheFacets) {
   for (const double degrees : {5.0, 15.0, 22.5}) {
     const Body body = filleted::boss(8.0, 5.0, 2.0, 20.0, degrees);
     const Eigen::Isometry3d T(Eigen::Translation3d(300.0, -120.0, 40.0));
-    const Recognised found =
-        recognised(split_at_edges(filleted::as_stl(body, T), pi / 6), tolerance);
+    const RecognisedMesh found =
+        recognise_patches(split_at_edges(filleted::as_stl(body, T), pi / 6), tolerance);
     const MeshHeightMap mesh(refine_round_borders(found.design, found.patches, 0.1 * tolerance),
                              found.patches);
     double off = 0.0, lean = 0.0;
@@ -145,7 +145,7 @@ Design extruded(const std::vector<Vector2d>& profile) {
 
 std::string forms_text(const Design& mesh) {
   std::string text;
-  const Recognised found = recognised(split_at_edges(mesh, pi / 6), tolerance);
+  const RecognisedMesh found = recognise_patches(split_at_edges(mesh, pi / 6), tolerance);
   for (const auto& [form, count] : forms_in(found)) text += std::to_string(count) + form + " ";
   return text;
 }
@@ -181,7 +181,7 @@ TEST(FaceRegions, AFreeCurveTakesTheNormalOfThePlaneIntoWhichItRuns) {
   };
   for (int i = 0; i < 8; ++i) made.quad(at(i, 0), at(i + 1, 0), at(i + 1, 20), at(i, 20));
   const Eigen::Isometry3d T = filleted::any_pose(9, 100.0);
-  const Recognised found = recognised(
+  const RecognisedMesh found = recognise_patches(
       split_at_edges(filleted::as_stl({"curve", made.points, made.triangles, {}, {}}, T), pi / 6),
       tolerance);
   ASSERT_EQ(found.patches.size(), 1u);
@@ -266,7 +266,7 @@ TEST(FacetMiss, IsAboutWhatTheFacetsMiss) {
 
 double cpu_seconds_of(const Design& design) {
   const std::clock_t start = std::clock();
-  const Recognised found = recognised(design, tolerance);
+  const RecognisedMesh found = recognise_patches(design, tolerance);
   for (const auto& [form, count] : forms_in(found)) ADD_FAILURE() << count << " times a " << form;
   return double(std::clock() - start) / CLOCKS_PER_SEC;
 }
@@ -323,7 +323,7 @@ TEST(FaceRegions, AFreeFormHasNoneAndTakesTimeInProportion) {
 
 TEST(FaceRegions, WhatWasNotLookedForIsCounted) {
   const auto unexamined_triangles = [](const Design& design) {
-    const Recognised found = recognised(split_at_edges(design, pi / 6), 0.1 * units::um);
+    const RecognisedMesh found = recognise_patches(split_at_edges(design, pi / 6), 0.1 * units::um);
     std::cout << found.unexamined_triangles << " of " << design.triangles.rows() << " triangles\n";
     return found.unexamined_triangles;
   };

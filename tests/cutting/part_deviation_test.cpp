@@ -34,7 +34,7 @@ TEST(StockSkin, HasTheMeshOfTheStockAndPlacesOnTheSkin) {
   for (std::size_t v = 0; v + 1 < skin.first.size(); ++v) {
     Vector3d mean = Vector3d::Zero();
     for (int k = skin.first[v]; k < skin.first[v + 1]; ++k)
-      mean += skin.points_w.row(skin.place[std::size_t(k)]);
+      mean += skin.points_w.row(skin.point_indices[std::size_t(k)]);
     mean /= skin.first[v + 1] - skin.first[v];
     ASSERT_LT((mean - mesh.vertices_w.row(Index(v)).transpose()).norm(), 1e-12);
   }

@@ -46,7 +46,7 @@ TEST(PartFindings, SharpEdgesHoweverTheyLieMakeNoFinding) {
     options.undercut_along = std::nullopt;
     const Held all = held(stock, design, options);
     expect_none(all);
-    EXPECT_EQ(all.found.too_small, 0.0);
+    EXPECT_EQ(all.found.blank_too_small, 0.0);
     EXPECT_LT(all.found.unresolved, 0.02 * all.found.compared);
     max_listed = std::max(max_listed, worst(all.part));
     const DesignDistance distance(design, facets());
@@ -140,7 +140,7 @@ TEST(PartFindings, ACrashIsAGougeByThatLineAndABlankThatIsTooSmallIsNone) {
   // the slot alone; at its two ends it runs out over an edge of the design
   EXPECT_NEAR(gouge.volume, 2 * 10 * 40, 2 * 10 * 2.0 * 2.0 / 2 + 40);
   EXPECT_LT(gouge.area, 10 * 40 + 2 * 40 * 1.5 + 60);
-  EXPECT_NEAR(all.found.too_small, 40 * 20, 0.05 * 800) << "beside the slot the blank is too low";
+  EXPECT_NEAR(all.found.blank_too_small, 40 * 20, 0.05 * 800) << "the blank beside the slot";
 }
 
 TEST(PartFindings, MaterialFurtherOffThanTheBandIsSaidToBeAtLeastThat) {
@@ -151,7 +151,7 @@ TEST(PartFindings, MaterialFurtherOffThanTheBandIsSaidToBeAtLeastThat) {
   EXPECT_TRUE(rest.is_at_least);
   EXPECT_EQ(rest.depth, 5.0);
   EXPECT_EQ(rest.line, 0) << "never cut";
-  EXPECT_GT(all.found.cut_off, 50.0);
+  EXPECT_GT(all.found.beyond_band, 50.0);
 }
 
 // ---- undercuts ----------------------------------------------------------------------------------
@@ -253,7 +253,7 @@ TEST(PartFindings, FewerVerticesThanTheDexelsResolveAreASpeckle) {
   skin.mesh.line.assign(6, 5);
   skin.points_w = skin.mesh.vertices_w;
   skin.line = skin.mesh.line;
-  for (int i = 0; i < 6; ++i) skin.place.push_back(i);
+  for (int i = 0; i < 6; ++i) skin.point_indices.push_back(i);
   for (int i = 0; i <= 6; ++i) skin.first.push_back(i);
   skin.spacing = 1;
   Quads flat;

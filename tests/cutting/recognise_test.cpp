@@ -86,7 +86,7 @@ Design of_lines(const std::vector<Vector2d>& lines) {
 std::string forms_of(const Design& mesh) {
   constexpr const char* names[] = {"plane", "sphere", "cylinder", "cone", "torus"};
   std::string all;
-  for (const AnalyticPatch& one : recognised(mesh, 0.1 * units::um).patches)
+  for (const AnalyticPatch& one : recognise_patches(mesh, 0.1 * units::um).patches)
     all += names[std::size_t(one.form)];
   return all;
 }
@@ -137,7 +137,7 @@ TEST(Recognised, EverySurfaceFromItsFile) {
   for (const KnownForm& one : known_forms)
     for (const int vertices : {100, 400, 5000}) {
       const Design mesh = from_file(one.primitive, vertices);
-      const Recognised found = recognised(mesh, 0.1 * units::um);
+      const RecognisedMesh found = recognise_patches(mesh, 0.1 * units::um);
       ASSERT_EQ(found.patches.size(), 1u) << one.name << ", " << vertices;
       EXPECT_EQ(found.patches[0].form, one.form) << one.name;
       EXPECT_NEAR(found.patches[0].area, found.area, 1e-9 * found.area);
@@ -160,7 +160,7 @@ TEST(Recognised, EverySurfaceFromItsFile) {
 TEST(Recognised, BetweenTheVerticesItIsTheSurface) {
   for (const KnownForm& one : known_forms) {
     const Design mesh = transformed(tessellate(one.primitive, {100}), away());
-    const Recognised found = recognised(mesh, 1e-6);
+    const RecognisedMesh found = recognise_patches(mesh, 1e-6);
     ASSERT_EQ(found.patches.size(), 1u) << one.name;
     const Eigen::Isometry3d T(Eigen::Translation3d(-7.0, 800.0, 3.0) *
                               Eigen::AngleAxisd(0.3, Vector3d::UnitX()));
@@ -186,7 +186,7 @@ TEST(Recognised, AHoleLooksInwards) {
   Design bore = tessellate(Cylinder{6.0, 20.0}, {300});
   bore.triangles.col(1).swap(bore.triangles.col(2));
   bore.normals *= -1.0;
-  const Recognised found = recognised(bore, 1e-6);
+  const RecognisedMesh found = recognise_patches(bore, 1e-6);
   ASSERT_EQ(found.patches.size(), 1u);
   EXPECT_EQ(found.patches[0].sign, -1.0);
   for (Index i = 0; i < bore.vertices.rows(); ++i)
@@ -198,11 +198,11 @@ TEST(Recognised, WhatIsNoneOfThemStaysAsItIs) {
   for (Index i = 0; i < wave.vertices.rows(); ++i)
     wave.vertices(i, 2) =
         0.5 * units::um * std::sin(wave.vertices(i, 0)) * std::cos(wave.vertices(i, 1));
-  EXPECT_TRUE(recognised(wave, 0.1 * units::um).patches.empty());
-  EXPECT_EQ(recognised(wave, 0.1 * units::um).design.vertices, wave.vertices);
-  EXPECT_EQ(recognised(wave, 1.0 * units::um).patches.size(), 1u)
+  EXPECT_TRUE(recognise_patches(wave, 0.1 * units::um).patches.empty());
+  EXPECT_EQ(recognise_patches(wave, 0.1 * units::um).design.vertices, wave.vertices);
+  EXPECT_EQ(recognise_patches(wave, 1.0 * units::um).patches.size(), 1u)
       << "within a micrometre it is a plane";
-  EXPECT_THROW(recognised(wave, 0.0), std::invalid_argument);
+  EXPECT_THROW(recognise_patches(wave, 0.0), std::invalid_argument);
 }
 
 TEST(Recognised, FacesOfABodyEachForItself) {
@@ -210,7 +210,7 @@ TEST(Recognised, FacesOfABodyEachForItself) {
   const Primitive cup = RevolvedProfile{{{{0.0, 10.0}, {8.0, 10.0}}, {{8.0, 10.0}, {8.0, 0.0}}}};
   const Design mesh = from_file(cup, 800);
   const Design faces = split_at_edges(mesh, pi / 6);
-  const Recognised found = recognised(faces, 0.1 * units::um);
+  const RecognisedMesh found = recognise_patches(faces, 0.1 * units::um);
   ASSERT_EQ(found.patches.size(), 2u);
   EXPECT_EQ(found.patches[0].form, Form::Plane);
   EXPECT_EQ(found.patches[1].form, Form::Cylinder);
@@ -250,7 +250,7 @@ struct Missed {
 Missed missed(const SampledPatch& patch, unsigned seed, double tolerance) {
   const Design mesh = mesh_of(patch, seed);
   const Eigen::Isometry3d T = filleted::any_pose(seed, 100.0);
-  const Recognised found = recognised(split_at_edges(mesh, pi / 6), tolerance);
+  const RecognisedMesh found = recognise_patches(split_at_edges(mesh, pi / 6), tolerance);
   Missed worst{found.patches.size()};
   for (Index t = 0; t < mesh.triangles.rows() && worst.faces > 0; ++t) {
     const int face = found.design.face[std::size_t(found.design.triangles(t, 0))];
@@ -366,7 +366,7 @@ TEST(FalseFaces, EveryFacetOfAFaceLiesOnIt) {
     for (const filleted::Body& body : {filleted::pocket(25.0, 18.0, 6.0, 2.0, 9.0, degrees),
                                        filleted::boss(8.0, 12.0, 1.5, 20.0, degrees)}) {
       const Design mesh = filleted::as_stl(body, filleted::any_pose(seed, 200.0));
-      const Recognised found = recognised(split_at_edges(mesh, pi / 6), tolerance);
+      const RecognisedMesh found = recognise_patches(split_at_edges(mesh, pi / 6), tolerance);
       EXPECT_EQ(found.patches.size(), body.name == "boss" ? 5u : 17u)
           << body.name << ", " << degrees << " degrees, seed " << seed;
       for (Index t = 0; t < mesh.triangles.rows() && !found.patches.empty(); ++t) {

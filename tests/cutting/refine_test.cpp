@@ -36,8 +36,8 @@ struct Milled {
   std::function<Surface(const Design&)> search = prepare_milled_surface(cutter, motion);
   SurfaceProbe operator()(const Design& design) const {
     Surface surface = search(design);
-    PassGradients contacts = milled_gradients(design, surface, cutter, motion);
-    return {std::move(surface), std::move(contacts)};
+    PassGradients gradients = milled_gradients(design, surface, cutter, motion);
+    return {std::move(surface), std::move(gradients)};
   }
 };
 
@@ -210,9 +210,9 @@ TEST(PassGradients, GradientsAreTheDifferencesOfTheResidual) {
       for (Index k = 0; k < 2; ++k) {
         const Index j = 2 * i + k;
         // a crest or a join of moves between the two is no slope
-        if (std::abs(there.contacts.travel[j] - here.contacts.travel[i]) > 20.0 * step) continue;
+        if (std::abs(there.gradients.travel[j] - here.gradients.travel[i]) > 20.0 * step) continue;
         const double change = there.surface.residual[j] - here.surface.residual[i];
-        EXPECT_NEAR(change, -here.contacts.gradient(i, k) * step, 0.2 * step * step + 2e-9);
+        EXPECT_NEAR(change, -here.gradients.gradient(i, k) * step, 0.2 * step * step + 2e-9);
         ++compared;
       }
     EXPECT_GT(compared, 300);
