@@ -35,19 +35,19 @@ using Jet = std::array<double, 4>;
 std::array<Jet, 2> clamped_solutions(double k, double y) {
   const double x = k * y, ch = std::cosh(x), sh = std::sinh(x);
   const double sinhc = x < 1e-3 ? 1.0 + x * x / 6.0 : sh / x;  // sinh x / x
-  double odd = 0.0;                                            // (x cosh x - sinh x) / x^3
+  double cubic_factor = 0.0;                                   // (x cosh x - sinh x) / x^3
   // For small x the difference loses digits by cancellation; nine terms of the series reach 1e-17.
   if (x < 1.0) {
     double power = 1.0, factorial = 6.0;  // x^(2n - 2), (2n + 1)!
     for (int n = 1; n <= 9; ++n) {
-      odd += power * 2.0 * n / factorial;
+      cubic_factor += power * 2.0 * n / factorial;
       power *= x * x;
       factorial *= (2.0 * n + 2.0) * (2.0 * n + 3.0);
     }
   } else {
-    odd = (x * ch - sh) / (x * x * x);
+    cubic_factor = (x * ch - sh) / (x * x * x);
   }
-  return {Jet{y * y * y * odd, y * y * sinhc, y * (sinhc + ch), 2.0 * ch + x * sh},
+  return {Jet{y * y * y * cubic_factor, y * y * sinhc, y * (sinhc + ch), 2.0 * ch + x * sh},
           Jet{y * y * sinhc, y * (sinhc + ch), 2.0 * ch + x * sh, k * (3.0 * sh + x * ch)}};
 }
 
@@ -68,7 +68,7 @@ std::array<Jet, 2> free_end_solutions(double k, double t, double nu) {
 
 /// Returns the deflection under the load for long waves: solutions from both ends are joined at the
 /// load.
-double long_wave(double k, double s, double nu) {
+double long_wave_deflection(double k, double s, double nu) {
   const auto below = clamped_solutions(k, s);
   const auto above = free_end_solutions(k, 1.0 - s, nu);
   Matrix4d A;
@@ -81,10 +81,10 @@ double long_wave(double k, double s, double nu) {
 
 /// Returns k^3 times the deflection under the load for short waves: that of a plate that is endless
 /// in both directions plus contributions of foot and free end, which decay away from them. Heights
-/// are in units of 1 / k. The hyperbolic functions of `long_wave` would overflow and cancel here.
-double short_wave(double k, double s, double nu) {
-  const double r0 = k * s, r1 = k - r0, exp_foot = 0.25 * std::exp(-r0),
-               exp_top = 0.25 * std::exp(-r1);
+/// are in units of 1 / k. The hyperbolic functions of `long_wave_deflection` would overflow and
+/// cancel here.
+double scaled_short_wave_deflection(double k, double s, double nu) {
+  const double r0 = k * s, r1 = k - r0, exp_foot = std::exp(-r0), exp_top = std::exp(-r1);
   const double e = std::exp(-k);
   // Conditions: value and slope at the foot, moment and shear at the free end.
   const auto ends = [&](const Jet& at_foot, const Jet& at_top) {
@@ -92,21 +92,23 @@ double short_wave(double k, double s, double nu) {
                     at_top[3] - (2.0 - nu) * at_top[1]);
   };
   Matrix4d A;
+  // Columns: exp(-y) and y exp(-y), which decay away from the foot, and the same from the free end.
   A.col(0) = ends({1, -1, 1, -1}, {e, -e, e, -e});
   A.col(1) = ends({0, 1, -2, 3}, {k * e, (1 - k) * e, (k - 2) * e, (3 - k) * e});
   A.col(2) = ends({e, e, e, e}, {1, 1, 1, 1});
   A.col(3) = ends({k * e, (k - 1) * e, (k - 2) * e, (k - 3) * e}, {0, -1, -2, -3});
   const Vector4d load_terms =
-      ends({(1 + r0) * exp_foot, r0 * exp_foot, 0, 0},
-           {(1 + r1) * exp_top, -r1 * exp_top, (r1 - 1) * exp_top, (2 - r1) * exp_top});
+      0.25 * ends({(1 + r0) * exp_foot, r0 * exp_foot, 0, 0},
+                  {(1 + r1) * exp_top, -r1 * exp_top, (r1 - 1) * exp_top, (2 - r1) * exp_top});
   const Vector4d c = A.partialPivLu().solve(-load_terms);
-  return 0.25 + 4.0 * (exp_foot * (c[0] + c[1] * r0) + exp_top * (c[2] + c[3] * r1));
+  return 0.25 + (exp_foot * (c[0] + c[1] * r0) + exp_top * (c[2] + c[3] * r1));
 }
 
-// `long_wave` overflows for large k; `short_wave` loses digits for small k, where it is divided by
-// k^3.
+// `long_wave_deflection` overflows for large k; `scaled_short_wave_deflection` loses digits for
+// small k, where it is divided by k^3.
 double deflection_under_load(double k, double s, double nu) {
-  return k < 3.0 ? long_wave(k, s, nu) : short_wave(k, s, nu) / (k * k * k);
+  return k < 3.0 ? long_wave_deflection(k, s, nu)
+                 : scaled_short_wave_deflection(k, s, nu) / (k * k * k);
 }
 
 /// Returns the integral of `deflection_under_load` over k from a to b, by eight Gauss points.
@@ -158,7 +160,7 @@ constexpr int max_leaf_nodes = 8;  // ranges of up to this many nodes are search
 /// The five nodes nearest to a point, nearest first; at equal distance the one of lower index.
 struct NearestNodes {
   struct Node {
-    double squared_distance = std::numeric_limits<double>::infinity();  ///< squared distance, mm^2
+    double squared_distance = std::numeric_limits<double>::infinity();  ///< mm^2
     int index = std::numeric_limits<int>::max();  ///< index in the original field
     int row = -1;                                 ///< row of the field; -1: none
   };
@@ -291,14 +293,14 @@ Matrix3d interpolated_compliance(const WorkpieceField& field, const NearestNodes
   const double min_distance = std::sqrt(nodes[0].squared_distance);
   const double relative_cutoff = min_distance / std::sqrt(nodes[4].squared_distance);
   Matrix3d sum = Matrix3d::Zero();
-  double weights = 0.0;
+  double weight_sum = 0.0;
   for (std::size_t i = 0; i < 4 && nodes[i].row >= 0; ++i) {
-    const double inverse_distance =
+    const double root_weight =
         min_distance / std::sqrt(nodes[i].squared_distance) - relative_cutoff;
-    sum += inverse_distance * inverse_distance * C(i);
-    weights += inverse_distance * inverse_distance;
+    sum += root_weight * root_weight * C(i);
+    weight_sum += root_weight * root_weight;
   }
-  if (weights > 0.0) return sum / weights;
+  if (weight_sum > 0.0) return sum / weight_sum;
   sum.setZero();  // all five nodes are equally distant, so all weights are 0
   for (std::size_t i = 0; i < 5; ++i) sum += C(i) / 5.0;
   return sum;
@@ -370,8 +372,8 @@ void check(const WorkpiecePlate& plate) {
       fmt::format("a Poisson ratio above -1 and at most 0.5, seen {}", plate.poisson_ratio));
 }
 
-/// Returns the violated expectation of an invalid node, for a message; empty if the node is valid.
-std::string node_error(const Vector3d& point_w, const Matrix3d& C) {
+/// Returns the requirement that a node does not meet, for a message; empty if the node is valid.
+std::string unmet_requirement(const Vector3d& point_w, const Matrix3d& C) {
   if (!point_w.allFinite()) return "a finite point";
   if (!C.allFinite()) return "a finite compliance";
   const double largest = C.cwiseAbs().maxCoeff();
@@ -391,9 +393,9 @@ void check(const WorkpieceField& field) {
                     fmt::format("one compliance per node, seen {} for {} nodes", node_count,
                                 field.points_w.rows()));
   for (std::size_t i = 0; i < node_count; ++i) {
-    const std::string violation =
-        node_error(field.points_w.row(Eigen::Index(i)).transpose(), field.compliance_w[i]);
-    require_workpiece(violation.empty(), fmt::format("{} at node {}", violation, i + 1));
+    const std::string requirement =
+        unmet_requirement(field.points_w.row(Eigen::Index(i)).transpose(), field.compliance_w[i]);
+    require_workpiece(requirement.empty(), fmt::format("{} at node {}", requirement, i + 1));
   }
 }
 
@@ -493,13 +495,13 @@ WorkpieceField read_compliance_field(std::string_view text, const std::string& f
   WorkpieceField field;
   field.points_w.resize(Eigen::Index(table.rows()), 3);
   for (std::size_t row = 0; row < table.rows(); ++row) {
-    const auto x = [&](std::size_t column) { return table.value(row, column); };
-    field.points_w.row(Eigen::Index(row)) << x(0), x(1), x(2);
+    const auto value = [&](std::size_t column) { return table.value(row, column); };
+    field.points_w.row(Eigen::Index(row)) << value(0), value(1), value(2);
     Eigen::Matrix3d C;
-    C << x(3), x(6), x(8), x(6), x(4), x(7), x(8), x(7), x(5);
-    const std::string violation = node_error({x(0), x(1), x(2)}, C);
-    if (!violation.empty())
-      throw BadInput(file, table.line[row], 1, violation, quoted_excerpt(table.row_text(row)));
+    C << value(3), value(6), value(8), value(6), value(4), value(7), value(8), value(7), value(5);
+    const std::string requirement = unmet_requirement({value(0), value(1), value(2)}, C);
+    if (!requirement.empty())
+      throw BadInput(file, table.line[row], 1, requirement, quoted_excerpt(table.row_text(row)));
     field.compliance_w.push_back(C);
   }
   return field;

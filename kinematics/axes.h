@@ -29,33 +29,34 @@ enum class Side {
   Tool,
 };
 
-/// Commanded positions, time, direction of approach and spindle speed: every quantity on which the
-/// deviations of a machine may depend.
+/// Commanded positions, time, direction of approach, stroke and spindle speed: every quantity on
+/// which the deviations of a machine may depend.
 struct AxisState {
   AxisVector q;  ///< (n) commanded positions
   double time_s = 0.0;
   std::array<std::int8_t, max_joints> direction{};  ///< +1 up, -1 down, 0 before the first motion
-  std::array<std::int32_t, max_joints> stroke{};    ///< number of reversals since the start
+  /// Index of the stroke of every axis: number of its reversals since the start.
+  std::array<std::int32_t, max_joints> stroke{};
   double spindle_speed = 0.0;  ///< rad/s, of the spindle that carries the tool or the workpiece
 };
 
-/// A letter of a structural code between w and t, without the bed.
+/// An axis of a structural code, without w, t and the bed.
 struct CodeAxis {
   char name = 'X';  ///< capital axis letter; 's' for the spindle nose
   Side side = Side::Tool;
   friend bool operator==(const CodeAxis&, const CodeAxis&) = default;
 };
 
-/// The moving parts in order, from the workpiece over the bed to the tool.
+/// The moving parts in order, from the workpiece via the bed to the tool.
 using Topology = std::vector<CodeAxis>;
 
-/// Parses a structural code such as "w C' b X Y Z A s t". Blanks are ignored. Axes of the workpiece
+/// Parses a structural code such as "w C' b X Y Z A s t". Spaces are ignored. Axes of the workpiece
 /// side are primed and precede b, those of the tool side are not primed; s is allowed only right
 /// before t.
 /// @throws std::invalid_argument with a message that says what was expected and what was seen
 Topology parse_structural_code(std::string_view code);
 
-/// Returns the structural code with single blanks; parse_structural_code(to_string(x)) == x.
+/// Returns the structural code with single spaces; parse_structural_code(to_string(x)) == x.
 std::string to_string(const Topology& topology);
 
 /// Low-order body array. Bodies are numbered from 1: first the workpiece side from the bed

@@ -8,6 +8,7 @@
 
 #include "kinematics/bad_input.h"
 #include "kinematics/decompositions.h"
+#include "kinematics/units.h"
 
 namespace abbe::errors::metrology {
 
@@ -15,6 +16,7 @@ namespace {
 
 using Eigen::Index;
 using Eigen::VectorXd;
+using units::um;
 
 /// Returns the weights of the filter at 0, 1, 2 ... steps from the point.
 /// @param max_count  maximum number of weights
@@ -30,8 +32,8 @@ VectorXd profile_weights(double step, double nesting_index, Index max_count) {
 }
 
 /// Fit of lines to the heights with the weights of the filter, for points whose window extends
-/// beyond the profile. Moments are differences of cumulative sums, so the cost of a window is that
-/// of its heights.
+/// beyond the profile. Moments of the weights are differences of cumulative sums, so a window costs
+/// only the sums over its heights.
 class WindowFit {
  public:
   WindowFit(const VectorXd& z, const VectorXd& weight) : z_(z), half_width_(weight.size() - 1) {
@@ -39,11 +41,12 @@ class WindowFit {
     weight_ << weight.tail(half_width_).reverse(), weight;
     const VectorXd d =
         VectorXd::LinSpaced(2 * half_width_ + 1, -double(half_width_), double(half_width_));
-    first_ = weight_.cwiseProduct(d);
-    const VectorXd second = first_.cwiseProduct(d);
+    first_moment_ = weight_.cwiseProduct(d);
+    const VectorXd second_moment = first_moment_.cwiseProduct(d);
     sums_.setZero(2 * half_width_ + 2, 3);
     for (Index j = 0; j < weight_.size(); ++j)
-      sums_.row(j + 1) = sums_.row(j) + Eigen::RowVector3d(weight_[j], first_[j], second[j]);
+      sums_.row(j + 1) =
+          sums_.row(j) + Eigen::RowVector3d(weight_[j], first_moment_[j], second_moment[j]);
   }
 
   /// Returns the value at point i of the line fitted about it.
@@ -53,7 +56,7 @@ class WindowFit {
     const Index window = from - i + half_width_, count = to - from;
     const Eigen::RowVector3d m = sums_.row(window + count) - sums_.row(window);
     const double z0 = weight_.segment(window, count).dot(z_.segment(from, count));
-    const double z1 = first_.segment(window, count).dot(z_.segment(from, count));
+    const double z1 = first_moment_.segment(window, count).dot(z_.segment(from, count));
     const double determinant = m[0] * m[2] - m[1] * m[1];
     // A single point has no slope.
     return determinant > 0.0 ? (m[2] * z0 - m[1] * z1) / determinant : z0 / m[0];
@@ -62,13 +65,14 @@ class WindowFit {
  private:
   const VectorXd& z_;
   Index half_width_;
-  VectorXd weight_, first_;  // over the window: weights, and weights times the distance in steps
-  Eigen::MatrixX3d sums_;    // cumulative sums of weights times 1, distance, its square
+  VectorXd weight_,
+      first_moment_;       // over the window: weights, and weights times the distance in steps
+  Eigen::MatrixX3d sums_;  // cumulative sums of weights times 1, distance, its square
 };
 
 /// Range of points of a profile.
 struct PointRange {
-  Index first, last;  // last is exclusive
+  Index first, end;  // end is exclusive
 };
 
 /// Returns the points of section k of an evaluation length, or of the whole length for k = -1.
@@ -81,22 +85,22 @@ PointRange section_points(const Profile& profile, const EvaluationLength& e, int
   };
   const PointRange points{std::max(Index(0), point_index(from)),
                           std::min(profile.z.size(), point_index(to))};
-  require(points.last > points.first, "profile: expected at least one point in every section");
+  require(points.end > points.first, "profile: expected at least one point in every section");
   return points;
 }
 
-/// Crossings of the mean line between neighbouring hills and dales, in steps. There may be several
-/// between the two.
+/// Crossings of the mean line, in steps: the first and the last one between each hill and the
+/// neighbouring dale.
 struct Crossings {
-  std::vector<double> first, last;  // of several
+  std::vector<double> first, last;
 };
 
-/// Returns the crossings between hills above `above` and dales below -`below`.
-Crossings significant_crossings(const VectorXd& z, double above, double below) {
+/// Returns the crossings between hills of at least a height and dales of at least a depth.
+Crossings significant_crossings(const VectorXd& z, double min_hill_height, double min_dale_depth) {
   Crossings result;
   Index previous = -1;  // last significant point so far
   for (Index i = 0; i < z.size(); ++i) {
-    if (!(z[i] > above) && !(z[i] < -below)) continue;
+    if (!(z[i] > min_hill_height) && !(z[i] < -min_dale_depth)) continue;
     if (previous >= 0 && (z[i] > 0.0) != (z[previous] > 0.0)) {
       const auto crossing = [&](Index k) { return double(k) + z[k] / (z[k] - z[k + 1]); };
       const auto crosses = [&](Index k) { return (z[k] > 0.0) != (z[k + 1] > 0.0); };
@@ -112,8 +116,9 @@ Crossings significant_crossings(const VectorXd& z, double above, double below) {
 }
 
 /// Returns the mean length of the profile elements, in steps.
-std::optional<double> element_spacing(const VectorXd& z, double above, double below) {
-  const Crossings crossings = significant_crossings(z, above, below);
+std::optional<double> element_spacing(const VectorXd& z, double min_hill_height,
+                                      double min_dale_depth) {
+  const Crossings crossings = significant_crossings(z, min_hill_height, min_dale_depth);
   const std::size_t n = crossings.first.size();
   // An element extends over three crossings; neighbouring elements share one.
   if (n < 3) return std::nullopt;
@@ -124,30 +129,28 @@ std::optional<double> element_spacing(const VectorXd& z, double above, double be
 }
 
 /// Returns the root mean square gradient.
-double gradient(const Profile& profile, const PointRange& points) {
+double rms_gradient(const Profile& profile, const PointRange& points) {
   const VectorXd& z = profile.z;
   // The sixth-order difference needs three points on either side.
   const Index first = std::max(points.first, Index(3));
-  const Index last = std::min(points.last, z.size() - 3);
+  const Index end = std::min(points.end, z.size() - 3);
   double squares = 0.0;
-  for (Index i = first; i < last; ++i) {
+  for (Index i = first; i < end; ++i) {
     const double slope =
         (z[i + 3] - z[i - 3] - 9.0 * (z[i + 2] - z[i - 2]) + 45.0 * (z[i + 1] - z[i - 1])) /
         (60.0 * profile.step);
     squares += slope * slope;
   }
-  return last > first ? std::sqrt(squares / double(last - first)) : 0.0;
+  return end > first ? std::sqrt(squares / double(end - first)) : 0.0;
 }
 
-constexpr double um = 1e-3;
+constexpr std::array setting_classes = {SettingClass{"Sc1", 0.08, 0.08, 0.4, 2.5 * um, 0.5 * um},
+                                        SettingClass{"Sc2", 0.25, 0.25, 1.25, 2.5 * um, 0.5 * um},
+                                        SettingClass{"Sc3", 0.8, 0.8, 4.0, 2.5 * um, 0.5 * um},
+                                        SettingClass{"Sc4", 2.5, 2.5, 12.5, 8.0 * um, 1.5 * um},
+                                        SettingClass{"Sc5", 8.0, 8.0, 40.0, 25.0 * um, 5.0 * um}};
 
-constexpr std::array classes = {SettingClass{"Sc1", 0.08, 0.08, 0.4, 2.5 * um, 0.5 * um},
-                                SettingClass{"Sc2", 0.25, 0.25, 1.25, 2.5 * um, 0.5 * um},
-                                SettingClass{"Sc3", 0.8, 0.8, 4.0, 2.5 * um, 0.5 * um},
-                                SettingClass{"Sc4", 2.5, 2.5, 12.5, 8.0 * um, 1.5 * um},
-                                SettingClass{"Sc5", 8.0, 8.0, 40.0, 25.0 * um, 5.0 * um}};
-
-/// Returns n heights in steps, interpolated linearly.
+/// Returns n heights at equal steps, interpolated linearly.
 VectorXd resample(const VectorXd& s, const VectorXd& z, double step, Index n) {
   VectorXd heights(n);
   Index k = 0;
@@ -232,7 +235,7 @@ const SettingClass& setting_class(double Nic) {
     return std::abs(std::log(candidate.Nic / Nic));
   };
   return *std::min_element(
-      classes.begin(), classes.end(),
+      setting_classes.begin(), setting_classes.end(),
       [&](const SettingClass& a, const SettingClass& b) { return ratio(a) < ratio(b); });
 }
 
@@ -240,7 +243,7 @@ ProfileParameters parameters(const Profile& profile, const EvaluationLength& eva
   require(evaluation.sections >= 1 && evaluation.section > 0.0 && evaluation.from >= 0.0,
           "profile: expected at least one section within the profile");
   const PointRange evaluated = section_points(profile, evaluation, -1);
-  const VectorXd z = profile.z.segment(evaluated.first, evaluated.last - evaluated.first);
+  const VectorXd z = profile.z.segment(evaluated.first, evaluated.end - evaluated.first);
   const auto n = double(z.size());
   ProfileParameters result;
   double squares = 0.0, cubes = 0.0, fourths = 0.0;
@@ -261,7 +264,7 @@ ProfileParameters parameters(const Profile& profile, const EvaluationLength& eva
   result.t = z.maxCoeff() - z.minCoeff();
   for (int k = 0; k < evaluation.sections; ++k) {
     const PointRange points = section_points(profile, evaluation, k);
-    const auto section = profile.z.segment(points.first, points.last - points.first);
+    const auto section = profile.z.segment(points.first, points.end - points.first);
     const double highest = section.maxCoeff(), lowest = section.minCoeff();
     result.p += highest / evaluation.sections;
     result.v -= lowest / evaluation.sections;
@@ -273,7 +276,7 @@ ProfileParameters parameters(const Profile& profile, const EvaluationLength& eva
   if (const auto spacing = element_spacing(z, min_fraction * std::max(result.p, 0.0),
                                            min_fraction * std::max(result.v, 0.0)))
     result.sm = *spacing * profile.step;
-  result.dq = gradient(profile, evaluated);
+  result.dq = rms_gradient(profile, evaluated);
   return result;
 }
 
@@ -309,7 +312,7 @@ ProfileTexture profile_texture(const VectorXd& s, const VectorXd& z,
 
 namespace {
 
-void check(const Eigen::MatrixX2d& xy, const VectorXd& z, const VectorXd& weights) {
+void check_areal_points(const Eigen::MatrixX2d& xy, const VectorXd& z, const VectorXd& weights) {
   if (xy.rows() != z.size() || weights.size() != z.size() || z.size() == 0)
     throw std::invalid_argument("areal: expected one height and one weight per point");
   if (!xy.allFinite() || !z.allFinite() || !weights.allFinite())
@@ -329,7 +332,7 @@ VectorXd heights_above_plane(const Eigen::MatrixX2d& xy, const VectorXd& z,
   terms << VectorXd::Ones(z.size()), shifted / size;
   const VectorXd root = weights.cwiseSqrt();
   const Eigen::MatrixX3d weighted = root.asDiagonal() * terms;
-  // 1e-9: a strip a thousand million times longer than wide counts as a line.
+  // 1e-9: a strip more than 1e9 times as long as wide counts as a line.
   const auto fit = least_squares(weighted, VectorXd(root.array() * z.array()), 1e-9);
   if (fit.rank < 3) throw std::invalid_argument("areal: the points do not define a plane");
   return z - terms * fit.x;
@@ -339,7 +342,7 @@ VectorXd heights_above_plane(const Eigen::MatrixX2d& xy, const VectorXd& z,
 
 ArealParameters areal(const Eigen::MatrixX2d& xy, const VectorXd& z, const VectorXd& weights,
                       const ArealOptions& options) {
-  check(xy, z, weights);
+  check_areal_points(xy, z, weights);
   const VectorXd relative_weights = weights / weights.sum();
   VectorXd h = z;
   if (options.reference == ArealReference::Plane) h = heights_above_plane(xy, z, relative_weights);
