@@ -694,9 +694,9 @@ Eigen::Vector3d control_datum_offset(const Segment& segment, const Corrector& co
     return datum_offset(segment.scene.datum, segment.machine, actual_pose, corrector);
   } catch (const std::out_of_range& range_error) {  // of an error table without extrapolation
     const Node* datum = segment.scene.tree ? segment.scene.tree->find("datum") : nullptr;
-    const SourcePosition place = datum ? datum->place : SourcePosition{};
-    throw BadInput(place.file ? *place.file : segment.scene.file.string(), place.line, place.column,
-                   "errors that are defined at the datum", range_error.what());
+    const SourcePosition position = datum ? datum->position : SourcePosition{};
+    throw BadInput(position.file ? *position.file : segment.scene.file.string(), position.line,
+                   position.column, "errors that are defined at the datum", range_error.what());
   }
 }
 

@@ -33,7 +33,7 @@ cutting::MarkedMesh read_named_mesh(const MeshFile& mesh, const MeshUse& use,
   try {
     return cutting::read_mesh_with_marks(mesh.file, options, wanted);
   } catch (const cutting::MeshWithRim& rim) {
-    const SourcePosition& at = mesh.place;
+    const SourcePosition& at = mesh.position;
     throw BadInput(
         at.file ? *at.file : mesh.file.string(), at.line, at.column,
         fmt::format("a closed mesh for {}{}", use.what,

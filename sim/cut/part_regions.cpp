@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstdlib>
 #include <functional>
-#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -12,6 +11,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
+#include "kinematics/units.h"
 #include "sim/scene/table_reader.h"
 
 namespace abbe::sim {
@@ -21,7 +21,7 @@ namespace {
 using cutting::FaceMark;
 using cutting::FaceMarks;
 
-constexpr std::size_t max_listed = 20;  // number of names in a message
+constexpr std::size_t max_listed = 20;  // maximum number of names in a message
 
 /// Returns up to `max_listed` names in quotes.
 std::string listed_names(const std::set<std::string>& names) {
@@ -38,8 +38,8 @@ std::string listed_names(const std::set<std::string>& names) {
 
 [[noreturn]] void throw_region_error(const PartRegion& region, const std::string& expected,
                                      const std::string& seen) {
-  throw BadInput(region.place.file ? *region.place.file : "", region.place.line,
-                 region.place.column, expected, seen);
+  throw BadInput(region.position.file ? *region.position.file : "", region.position.line,
+                 region.position.column, expected, seen);
 }
 
 [[noreturn]] void throw_group_error(const PartRegion& region, const FaceMarks& marks) {
@@ -102,8 +102,8 @@ std::vector<bool> marks_in_group(const PartRegion& region, const FaceMarks& mark
   return matches;
 }
 
-// Returns (marks) true if faces with the mark may have the colour of a region. Formats round
-// colours differently, so that the colours need not be equal.
+/// Returns (marks) true if faces with the mark may have the colour of a region. Formats round
+/// colours differently, so that the colours need not be equal.
 std::vector<bool> marks_with_colour(const PartRegion& region, const FaceMarks& marks) {
   std::vector<bool> matches;
   for (const FaceMark& mark : marks.marks)
@@ -236,8 +236,7 @@ cutting::ToleranceBands tolerance_bands(const PartDescription& part, const FaceG
   const bool has_region_tolerance = std::ranges::any_of(
       part.regions, [](const PartRegion& region) { return region.tolerance.has_value(); });
   if (!part.tolerance && !has_region_tolerance) return {};
-  const double inf = std::numeric_limits<double>::infinity();
-  const Tolerance part_tolerance = part.tolerance.value_or(Tolerance{-inf, inf});
+  const Tolerance part_tolerance = part.tolerance.value_or(Tolerance{-infinity, infinity});
   const kinematics::Pose T_mw = part.T_wm.inverse();
   cutting::ToleranceBands bands(design_w.vertices.rows(), 2);
   for (Eigen::Index i = 0; i < design_w.vertices.rows(); ++i) {

@@ -227,7 +227,7 @@ SourcePosition location_of_touch(const Scene& scene, std::size_t number) {
   const Node::Array* list = touches->array();
   if (list != nullptr && number < list->size()) touches = &(*list)[number];
   const Node* point = touches->find("point_mm");
-  return point ? point->place : touches->place;
+  return point ? point->position : touches->position;
 }
 
 }  // namespace
@@ -243,9 +243,9 @@ std::optional<BadInput> touch_error(const Job& job) {
       if (contact.is_better_than(best_contact)) best_contact = contact;
     }
     if (best_contact.within_band && best_contact.lean <= max_touch_angle) continue;
-    const SourcePosition place = location_of_touch(scene, i);
+    const SourcePosition position = location_of_touch(scene, i);
     return BadInput(
-        place.file ? *place.file : scene.file.string(), place.line, place.column,
+        position.file ? *position.file : scene.file.string(), position.line, position.column,
         fmt::format("a touch of the part, its blank, a fixture or the table within {} mm "
                     "(search.band_mm), against the outward normal within {:.0f} degrees",
                     scene.band, max_touch_angle / units::deg),

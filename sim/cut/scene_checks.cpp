@@ -60,7 +60,7 @@ std::vector<std::string> dominant_byte_keys(const Scene& scene, const WorkEstima
 
 BadInput scene_limit_error(const Scene& scene, const std::vector<std::string>& keys,
                            const std::string& expected, const std::string& seen) {
-  const SourcePosition* place = nullptr;
+  const SourcePosition* position = nullptr;
   double smallest_value = 0.0;
   for (const std::string& key : keys) {
     const Node* node = scene.tree ? find_node(*scene.tree, key) : nullptr;
@@ -68,20 +68,21 @@ BadInput scene_limit_error(const Scene& scene, const std::vector<std::string>& k
     const double value = node_number(*node);
     // A key given on the command line is preferred, because the user has just changed it.
     const bool is_preferred =
-        !place || (node->place.from_command_line && !place->from_command_line) ||
-        (node->place.from_command_line == place->from_command_line && value < smallest_value);
+        !position || (node->position.from_command_line && !position->from_command_line) ||
+        (node->position.from_command_line == position->from_command_line && value < smallest_value);
     if (!is_preferred) continue;
-    place = &node->place;
+    position = &node->position;
     smallest_value = value;
   }
   // If the file has none of the keys, the error is located at their section.
-  if (!place && scene.tree && !keys.empty())
+  if (!position && scene.tree && !keys.empty())
     if (const Node* section =
             find_node(*scene.tree, keys.front().substr(0, keys.front().find('.'))))
-      place = &section->place;
+      position = &section->position;
   const std::string full_expectation = fmt::format("{} ({})", expected, fmt::join(keys, ", "));
-  if (!place || !place->file) return BadInput(scene.file.string(), 0, 0, full_expectation, seen);
-  return BadInput(*place->file, place->line, place->column, full_expectation, seen);
+  if (!position || !position->file)
+    return BadInput(scene.file.string(), 0, 0, full_expectation, seen);
+  return BadInput(*position->file, position->line, position->column, full_expectation, seen);
 }
 
 std::string windows_obstacle_text(const std::string& windows_obstacle) {

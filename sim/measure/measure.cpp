@@ -39,18 +39,17 @@ MeasuredMachine simulate_machine(const Scene& scene) {
 /// Returns the poses of workpiece and tool in the bed, with their deflections under weight.
 BodyPoses body_poses(const Truth& truth, const AxisState& state) {
   const errors::ForceDeviations sums = deviations(truth, state);
-  const kinematics::Pose identity = kinematics::Pose::Identity();
+  const Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   BodyPoses bodies{truth.actual.workpiece_in_bed(state.q, sums.joints),
                    truth.actual.tool_in_bed(state.q, sums.joints)};
   // The deflections are small displacements in the frames of tool and workpiece.
-  if (!sums.tool_t.isZero(0.0))
-    bodies.T_bt = bodies.T_bt * kinematics::motion(sums.tool_t, identity.translation());
+  if (!sums.tool_t.isZero(0.0)) bodies.T_bt = bodies.T_bt * kinematics::motion(sums.tool_t, origin);
   if (!sums.workpiece_w.isZero(0.0))
-    bodies.T_bw = bodies.T_bw * kinematics::motion(sums.workpiece_w, identity.translation());
+    bodies.T_bw = bodies.T_bw * kinematics::motion(sums.workpiece_w, origin);
   return bodies;
 }
 
-/// Returns the plans of all starts joined in order of time, with new set-ups for each start.
+/// Returns the plans of all starts joined in chronological order, with new set-ups for each start.
 /// @throws std::invalid_argument if a start is before the end of the readings of the previous one
 metrology::Plan combined_plan(const InstrumentDescription& description,
                               const kinematics::Chain& nominal) {
@@ -81,7 +80,7 @@ metrology::Plan combined_plan(const InstrumentDescription& description,
 }
 
 /// Adds the readings of the temperature sensors. Sensors have a lag and need times that do not
-/// decrease, whereas the readings of an instrument may not be in order of time.
+/// decrease, whereas the readings of an instrument may not be in chronological order.
 void log_temperatures(Readings& readings, const Scene& scene, const Truth& truth) {
   if (!scene.thermal || !truth.heat) return;
   const auto& measurements = readings.plan.measurements;
@@ -137,7 +136,7 @@ metrology::PartSurface cut_surface(const Job& job, const Cut& cut) {
           cut.surface.residual(rows)};
 }
 
-/// Returns about one point per square of the spacing, distributed like the vertices.
+/// Returns about one point per square with sides of the spacing, distributed like the vertices.
 metrology::PartSurface thin_points(const metrology::PartSurface& surface, double spacing,
                                    double area) {
   // At least three points, as required by a plane.
@@ -190,7 +189,7 @@ SourcePosition instrument_location(const Scene& scene, const std::string& name) 
   for (const Node& instrument : *list->array()) {
     const Node* name_node =
         instrument.find("name") ? instrument.find("name") : instrument.find("kind");
-    if (name_node && name_node->text() && *name_node->text() == name) return instrument.place;
+    if (name_node && name_node->text() && *name_node->text() == name) return instrument.position;
   }
   return {};
 }
@@ -203,7 +202,7 @@ std::optional<PartInstrumentDescription> find_part_instrument(const Scene& scene
     if (description.name == name) return description;
   for (const InstrumentDescription& description : scene.instruments)
     if (description.instrument.name == name) return std::nullopt;
-  // Kinds that are not in the scene get typical figures.
+  // Kinds that are not in the scene get typical values.
   if (name == "cmm")
     return PartInstrumentDescription{name, "", metrology::CoordinateMeasuringMachine{}};
   if (name != "touch_probe") return std::nullopt;
@@ -222,17 +221,18 @@ PartReadingsFile measure_cut_part(const Job& job, const Cut& cut,
   PartReadingsFile file{instrument.name, "cmm", scene.title, {}};
   if (!instrument.case_name.empty()) file.part += ", " + instrument.case_name;
   try {
-    if (auto machine = std::get_if<metrology::CoordinateMeasuringMachine>(&instrument.device)) {
-      metrology::CoordinateMeasuringMachine options = *machine;
-      options.spacing = instrument.spacing;
-      options.seed = seed;
-      file.readings = metrology::measure_coordinates(surface, options);
+    if (const auto* device =
+            std::get_if<metrology::CoordinateMeasuringMachine>(&instrument.device)) {
+      metrology::CoordinateMeasuringMachine cmm = *device;
+      cmm.spacing = instrument.spacing;
+      cmm.seed = seed;
+      file.readings = metrology::measure_coordinates(surface, cmm);
     } else {
-      metrology::TouchProbe options = std::get<metrology::TouchProbe>(instrument.device);
-      options.seed = seed;
+      metrology::TouchProbe probe = std::get<metrology::TouchProbe>(instrument.device);
+      probe.seed = seed;
       file.kind = "touch_probe";
-      file.readings = probe_part(
-          job, thin_points(surface, instrument.spacing, job.design_w.area.sum()), options);
+      file.readings =
+          probe_part(job, thin_points(surface, instrument.spacing, job.design_w.area.sum()), probe);
     }
   } catch (const std::invalid_argument& error) {
     const SourcePosition location = instrument_location(scene, instrument.name);

@@ -365,7 +365,7 @@ kinematics::Chain read_machine(TableReader& reader) {
     try {
       return kinematics::Chain(joints, T_bw, T_bt);
     } catch (const std::invalid_argument& error) {
-      reader.input_errors().add(reader.place(), "a valid kinematic chain", error.what());
+      reader.input_errors().add(reader.position(), "a valid kinematic chain", error.what());
     }
   }
   // After an error the chain is not used.

@@ -17,16 +17,16 @@ namespace abbe::sim {
 Fields<MeshFile> mesh_file_fields(const KeyName& file) {
   return Fields<MeshFile>()
       .text(file, &MeshFile::file, "mesh file; faces with more than three corners are split")
-      .word("unit", &MeshFile::unit,
-            {{"mm", 1.0}, {"inch", units::inch}, {"cm", 10.0}, {"m", 1000.0}, {"um", units::um}},
-            "unit of the numbers in the mesh")
+      .choice("unit", &MeshFile::unit,
+              {{"mm", 1.0}, {"inch", units::inch}, {"cm", 10.0}, {"m", 1000.0}, {"um", units::um}},
+              "unit of the numbers in the mesh")
       .boolean("any_size", &MeshFile::is_size_intended,
                "true: the size of the mesh is intended; otherwise a warning is given if it is "
                "below 1 mm or does not fit the travel or the program")
       .check([](TableReader& reader, MeshFile& mesh) {
         // Errors inside the mesh are found when it is loaded; they are then reported at the
         // position of the file name.
-        if (const Node* file = reader.node().find("file")) mesh.place = file->place;
+        if (const Node* file = reader.node().find("file")) mesh.position = file->position;
         std::error_code error_code;
         if (!mesh.file.empty() && !std::filesystem::is_regular_file(mesh.file, error_code))
           reader.report_invalid("file", "a file that can be read", missing_file_text(mesh.file));

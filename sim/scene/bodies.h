@@ -19,7 +19,7 @@ struct MeshFile {
   double unit = 1.0;              ///< mm per unit of the file
   bool is_size_intended = false;  ///< the size is intended, so no warning questions the unit
   bool open = false;              ///< a surface with a rim is intended
-  SourcePosition place = {};      ///< position of the file name in the scene, for messages
+  SourcePosition position = {};   ///< position of the file name in the scene, for messages
 };
 
 // Bodies of the machine, the tool and the clamping, used for pictures and for collision checks.

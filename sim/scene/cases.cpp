@@ -144,22 +144,22 @@ namespace {
 struct CaseFolder {
   std::string name;
   std::string owner;  ///< the case or variant, in words for messages
-  SourcePosition place;
+  SourcePosition position;
 };
 
 /// Returns the position of the cases of the scene, for messages.
 SourcePosition place_of_cases(const Node& scene) {
   const Node* compare = scene.find("compare");
   const Node* list = compare ? compare->find("cases") : nullptr;
-  return list ? list->place : scene.place;
+  return list ? list->position : scene.position;
 }
 
-SourcePosition place_of_variant(const Node& scene, std::size_t index) {
+SourcePosition variant_position(const Node& scene, std::size_t index) {
   const Node* list = scene.find("variant");
-  if (!list || !list->array() || index >= list->array()->size()) return scene.place;
+  if (!list || !list->array() || index >= list->array()->size()) return scene.position;
   const Node& variant = (*list->array())[index];
   const Node* name = variant.find("name");
-  return name ? name->place : variant.place;
+  return name ? name->position : variant.position;
 }
 
 /// Returns the folders of the reference cases, of the cases of the scene and of each variant.
@@ -174,12 +174,13 @@ std::vector<CaseFolder> compared_folders(const Node& scene, const ComparedNames&
         {description.name, fmt::format("the case \"{}\"", description.name), cases_position});
   for (std::size_t i = 0; i < names.variants.size(); ++i) {
     const auto& [variant, variant_cases] = names.variants[i];
-    const SourcePosition place = place_of_variant(scene, i);
-    folders.push_back({variant, fmt::format("the variant \"{}\"", variant), place});
+    const SourcePosition position = variant_position(scene, i);
+    folders.push_back({variant, fmt::format("the variant \"{}\"", variant), position});
     for (const CaseDescription& description : variant_cases)
       folders.push_back(
           {case_folder(variant, description.name),
-           fmt::format("the case \"{}\" of the variant \"{}\"", description.name, variant), place});
+           fmt::format("the case \"{}\" of the variant \"{}\"", description.name, variant),
+           position});
   }
   return folders;
 }
@@ -206,7 +207,7 @@ void check_case_folders(const Node& scene, const ComparedNames& names, InputErro
     const auto [first_owner, is_new] = owners.emplace(folder.name, folder.owner);
     if (!is_new)
       input_errors.add(
-          folder.place, "a separate folder for every case",
+          folder.position, "a separate folder for every case",
           fmt::format("\"{}\" for {} and for {}", folder.name, folder.owner, first_owner->second));
   }
 }
@@ -221,7 +222,7 @@ void read_cases(TableReader& reader, std::vector<CaseDescription>& cases) {
     reader.report_invalid("cases", "a list of case names", display_text(*list));
   for (const Node& name : list && list->array() ? *list->array() : Node::Array{}) {
     if (!name.text()) {
-      reader.input_errors().add(name.place, "a case name such as \"perfect-iterated-ideal\"",
+      reader.input_errors().add(name.position, "a case name such as \"perfect-iterated-ideal\"",
                                 display_text(name));
       continue;
     }
@@ -233,10 +234,10 @@ void read_cases(TableReader& reader, std::vector<CaseDescription>& cases) {
         return other.name == description.name;
       });
       if (is_repeated)
-        reader.input_errors().add(name.place, "each case once", display_text(name) + " again");
+        reader.input_errors().add(name.position, "each case once", display_text(name) + " again");
       cases.push_back(description);
     } catch (const std::invalid_argument& error) {
-      reader.input_errors().add(name.place, "a case that this version supports", error.what());
+      reader.input_errors().add(name.position, "a case that this version supports", error.what());
     }
   }
 }
@@ -249,7 +250,7 @@ void read_set(TableReader& reader, Variant& variant) {
     variant.set.push_back(make_override(change));
     // A variant of variants would have no defined order of application.
     if (change.path.starts_with("variant"))
-      reader.input_errors().add(change.value.place, "a path outside [[variant]]", change.path);
+      reader.input_errors().add(change.value.position, "a path outside [[variant]]", change.path);
   }
 }
 

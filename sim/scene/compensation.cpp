@@ -73,8 +73,8 @@ Fields<Force> force_source_fields(From from, const MachineDescription& machine) 
   if (from != From::Model)
     fields.number("smoothing_ms", &Force::smoothing_s, non_negative,
                   "averaging time of the readings, up to the present; 0: no averaging");
-  fields.whole("passes", &Force::passes, 1, 20,
-               "training runs, each corrected by the law learnt from the previous run");
+  fields.integer("passes", &Force::passes, 1, 20,
+                 "training runs, each corrected by the law learnt from the previous run");
   // The current yields a fitted deflection directly, so no compliance is needed with it.
   if (from == From::Current)
     return fields.table(required_key("training"), whole_struct, training_fields(),
@@ -132,7 +132,7 @@ Fields<BeliefDescription::Part> measured_part_fields() {
   return Fields<Part>()
       .text(required_key("instrument"), &Part::instrument,
             "name of a `cmm` or `touch_probe` of the scene, whose `case` has no effect")
-      .whole("passes", &Part::passes, 1, 20, "parts cut and measured before the final one");
+      .integer("passes", &Part::passes, 1, 20, "parts cut and measured before the final one");
 }
 
 Fields<BeliefDescription> belief_fields(const MachineDescription& machine) {
@@ -191,11 +191,11 @@ constexpr Range delay_ms{0.0, 1e6, false, false};
 Fields<PositionLoop> loop_fields(const PositionLoop& defaults) {
   using Order = PositionLoop::Order;
   return Fields<PositionLoop>(defaults)
-      .word(required_key("order"), &PositionLoop::order,
-            {{"none", Order::None, "immediately"},
-             {"first", Order::First, "1 / (1 + s / w)"},
-             {"second", Order::Second, "w² / (s² + 2 d w s + w²)"}},
-            "response of the position loop to a correction")
+      .choice(required_key("order"), &PositionLoop::order,
+              {{"none", Order::None, "immediately"},
+               {"first", Order::First, "1 / (1 + s / w)"},
+               {"second", Order::Second, "w² / (s² + 2 d w s + w²)"}},
+              "response of the position loop to a correction")
       .number("bandwidth_Hz", &PositionLoop::bandwidth, positive, "w / 2π")
       .number("damping", &PositionLoop::damping, {1e-3, 100.0}, "d of the second-order response");
 }
@@ -246,8 +246,8 @@ Fields<Description::Table> table_fields(const std::vector<kinematics::Joint>& jo
   };
   using Options = compensation::TableOptions;
   return Fields<Table>()
-      .whole("most_points", option(&Options::max_points), 2, 100000,
-             "largest number of points in one table")
+      .integer("most_points", option(&Options::max_points), 2, 100000,
+               "largest number of points in one table")
       .number(
           "spacing_mm", option(&Options::spacing), {1e-3, 1e6},
           "spacing of the points over the travel of a slide, wider if `most_points` requires it")
@@ -260,12 +260,12 @@ Fields<Description::Table> table_fields(const std::vector<kinematics::Joint>& jo
       .boolean("both_ways", option(&Options::has_direction_columns),
                "true: a column for each direction of approach")
       .boolean("constant", option(&Options::constant), "true: a constant offset as well")
-      .word(KeyName("format").with_fallback("none"), &Table::format,
-            {{"linuxcnc", ControlFormat::LinuxCnc},
-             {"isg", ControlFormat::Isg},
-             {"siemens", ControlFormat::Siemens},
-             {"heidenhain", ControlFormat::Heidenhain}},
-            "the table is exported to a file of that control, within its limits, and read back")
+      .choice(KeyName("format").with_fallback("none"), &Table::format,
+              {{"linuxcnc", ControlFormat::LinuxCnc},
+               {"isg", ControlFormat::Isg},
+               {"siemens", ControlFormat::Siemens},
+               {"heidenhain", ControlFormat::Heidenhain}},
+              "the table is exported to a file of that control, within its limits, and read back")
       .table(KeyName("reference").with_fallback("the middle of the program"), &Table::reference,
              axis_position_fields(joints),
              "positions of the other axes: { Z_mm = 100, C_deg = 0 }");

@@ -56,16 +56,16 @@ const Fields<cutting::Flutes>& flutes_fields() {
       Fields<Flutes>(defaults)
           // Reading starts from these defaults and not from those of `CuttingDescription`.
           .derive([](Flutes& flutes) { flutes = defaults; })
-          .whole("flutes", &Flutes::count, 1, 100, "milling: number of flutes of the cutter")
+          .integer("flutes", &Flutes::count, 1, 100, "milling: number of flutes of the cutter")
           .number("helix_deg", &Flutes::helix, helix_range,
                   "milling: helix angle, + for right-hand")
           .number("run_out_um", &Flutes::run_out, run_out_range,
                   "milling: offset of the cutter axis from the spindle axis")
           .number("run_out_angle_deg", &Flutes::run_out_angle, any_number,
                   "milling: direction of that offset, counter-clockwise from the first flute")
-          .word("rotation", &Flutes::clockwise,
-                {{"clockwise", true, "M3, seen from the spindle"}, {"counter_clockwise", false}},
-                "milling: direction of rotation of the spindle");
+          .choice("rotation", &Flutes::clockwise,
+                  {{"clockwise", true, "M3, seen from the spindle"}, {"counter_clockwise", false}},
+                  "milling: direction of rotation of the spindle");
   return fields;
 }
 
@@ -122,9 +122,10 @@ Fields<OffsetBlank> offset_fields() {
       .number(required_key("floor_mm"), &OffsetBlank::floor, any_number, "z of the lower end");
 }
 
+/// A corner of the profile of a turned blank.
 struct ProfileCorner {
-  double axial_position = 0.0;
-  double radius = 0.0;
+  double axial_position = 0.0;  ///< mm on the spindle line, from the origin of the part
+  double radius = 0.0;          ///< mm
 };
 
 Fields<ProfileCorner> corner_fields() {
@@ -269,8 +270,8 @@ Fields<CuttingDescription> make_cutting_fields(Operation operation) {
   return fields.only_if(has_dexels, memory_fields())
       .number("tolerance_nm", &CuttingDescription::tolerance, positive,
               "convergence tolerance of the deflection under the cutting force, at every step")
-      .whole("most_iterations", &CuttingDescription::max_iterations, 1, 1000,
-             "iterations per step, after which the step is reported as not converged")
+      .integer("most_iterations", &CuttingDescription::max_iterations, 1, 1000,
+               "iterations per step, after which the step is reported as not converged")
       .number("rest_um", &CuttingDescription::rest, positive,
               "limit of residual material on the machined part; anything above it is reported as a "
               "finding in `summary.json`")
@@ -279,7 +280,7 @@ Fields<CuttingDescription> make_cutting_fields(Operation operation) {
 }
 
 const Fields<CuttingDescription>& cutting_fields(const ToolDescription& tool) {
-  // Both lists of fields are built once, because every scene needs one of them.
+  // Each list of fields is built once and kept, since this takes longer than reading a table.
   static const Fields<CuttingDescription> milling = make_cutting_fields(Operation::Milling),
                                           turning = make_cutting_fields(Operation::Turning);
   return std::holds_alternative<cutting::Nose>(tool.nominal) ? turning : milling;

@@ -52,8 +52,7 @@ cutting::CuttingCoefficients read_material(const Node& table, InputErrors& input
 Node::Table material_to_table(const cutting::CuttingCoefficients& material);
 std::vector<Key> material_keys();
 
-/// Reads and writes `[cutting]`: blank, flutes and resolution. The material is a section of its
-/// own.
+/// Reads and writes `[cutting]`: blank, flutes and resolution. The material has its own section.
 CuttingDescription read_cutting(const Node& table, const ToolDescription& tool,
                                 InputErrors& input_errors);
 Node::Table cutting_to_table(const CuttingDescription& cutting, const ToolDescription& tool);

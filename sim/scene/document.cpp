@@ -57,7 +57,7 @@ std::string_view last_component(std::string_view dotted) {
 void make_absolute(Node& node, const char* kind, const path& folder, InputErrors& input_errors) {
   if (const std::string* name = node.text())
     node.value =
-        absolute(locate_file({*name, node.place, kind}, folder, input_errors).string(), "");
+        absolute(locate_file({*name, node.position, kind}, folder, input_errors).string(), "");
 }
 
 // Makes the value of every key `file` absolute; the format uses this key for data files only.
@@ -66,7 +66,7 @@ void make_data_files_absolute(Node& node, const path& folder, InputErrors& input
     for (Node& element : *array) make_data_files_absolute(element, folder, input_errors);
   }
   if (Node::Table* table = node.table()) {
-    for (auto& [key, place, value] : *table) {
+    for (auto& [key, position, value] : *table) {
       if (value.text()) {
         if (last_component(key) == "file") make_absolute(value, "", folder, input_errors);
       } else {
@@ -93,7 +93,7 @@ void report_missing_file(const Node& section, const path& file, const char* kind
                          const path& folder, InputErrors& input_errors) {
   const std::string known = library_names(kind, file.string());
   input_errors.add(
-      section.place,
+      section.position,
       "a file that can be read" + (known.empty() ? "" : ", or a library name: " + known),
       fmt::format(
           "no file {}; names are relative to the folder of the file that contains them, here {}",
@@ -103,7 +103,7 @@ void report_missing_file(const Node& section, const path& file, const char* kind
 void read_section_file(Node& section, const char* kind, const path& folder,
                        InputErrors& input_errors) {
   const std::size_t error_count = input_errors.list().size();
-  const path file = locate_file({*section.text(), section.place, kind}, folder, input_errors);
+  const path file = locate_file({*section.text(), section.position, kind}, folder, input_errors);
   // A name that cannot be located is reported already.
   if (input_errors.list().size() > error_count) return;
   std::error_code error_code;
@@ -115,9 +115,9 @@ void read_section_file(Node& section, const char* kind, const path& folder,
     // The short form `program = "part.ngc"` becomes a table with a `file` key, so that the readers
     // handle one form only.
     Node file_node;
-    file_node.place = section.place;
+    file_node.position = section.position;
     file_node.value = absolute(file.string(), "");
-    section.value = Node::Table{{"file", section.place, file_node}};
+    section.value = Node::Table{{"file", section.position, file_node}};
     return;
   }
   try {
@@ -166,15 +166,15 @@ void make_variant_files_absolute(Node& tree, const path& folder, InputErrors& in
 }
 
 // Sets the position of a node and of everything below it.
-void set_place(Node& node, const SourcePosition& place) {
-  node.place = place;
+void set_position(Node& node, const SourcePosition& position) {
+  node.position = position;
   if (Node::Array* array = node.array()) {
-    for (Node& element : *array) set_place(element, place);
+    for (Node& element : *array) set_position(element, position);
   }
   if (Node::Table* table = node.table()) {
-    for (auto& [key, key_place, value] : *table) {
-      key_place = place;
-      set_place(value, place);
+    for (auto& [key, key_position, value] : *table) {
+      key_position = position;
+      set_position(value, position);
     }
   }
 }
@@ -230,7 +230,7 @@ class TreeEditor {
       apply_to_list(node, depth);
     } else {
       // Numbers and strings have nothing below them.
-      input_errors_.add(change_.value.place,
+      input_errors_.add(change_.value.position,
                         fmt::format("a path to a value; {} has none below \"{}\"", change_.path,
                                     components_[depth - 1]),
                         display_text(node));
@@ -241,16 +241,16 @@ class TreeEditor {
   void apply_to_table(Node& node, std::size_t depth) const {
     const std::string& key = components_[depth];
     if (key.empty()) {
-      input_errors_.add(change_.value.place, "a dotted path such as part.vertices",
+      input_errors_.add(change_.value.position, "a dotted path such as part.vertices",
                         "\"" + change_.path + "\"");
       return;
     }
     // A missing section is created, so that an override can add it.
     if (!node.find(key)) {
       Node table;
-      table.place = change_.value.place;
+      table.position = change_.value.position;
       table.value = Node::Table{};
-      node.table()->push_back({key, change_.value.place, std::move(table)});
+      node.table()->push_back({key, change_.value.position, std::move(table)});
     }
     // The node is looked up again, because push_back() may have moved the entries.
     apply(*node.find(key), depth + 1);
@@ -274,7 +274,7 @@ class TreeEditor {
   void apply_to_list(Node& node, std::size_t depth) const {
     Node::Array& list = *node.array();
     if (list.empty()) {
-      input_errors_.add(change_.value.place,
+      input_errors_.add(change_.value.position,
                         "a list with an entry for " + change_.path + " to change", "an empty list");
       return;
     }
@@ -283,7 +283,7 @@ class TreeEditor {
       if (*index < list.size()) {
         apply(list[*index], depth + 1);
       } else {
-        input_errors_.add(change_.value.place,
+        input_errors_.add(change_.value.position,
                           fmt::format("an index from 0 to {} in {}, as lists are numbered from 0{}",
                                       list.size() - 1, change_.path, numbers_in(list, depth)),
                           components_[depth]);
@@ -326,7 +326,7 @@ bool is_bare_word(const std::string& text) {
 
 // Appends one change for every value in a table and the tables below it.
 void append_changes(const Node& table, const std::string& prefix, std::vector<Change>& changes) {
-  for (const auto& [key, place, value] : *table.table()) {
+  for (const auto& [key, position, value] : *table.table()) {
     const std::string dotted = prefix.empty() ? key : prefix + "." + key;
     if (value.table()) {
       append_changes(value, dotted, changes);
@@ -340,12 +340,12 @@ void append_changes(const Node& table, const std::string& prefix, std::vector<Ch
 Change parse_override(const Override& override) {
   const std::string name = override.path + "=" + override.value;
   // An override from the command line has no file, so messages name the option itself.
-  const SourcePosition place =
-      override.place
-          ? *override.place
+  const SourcePosition position =
+      override.position
+          ? *override.position
           : SourcePosition{std::make_shared<const std::string>("--set " + name), 0, 0, true};
   const auto throw_input_error = [&](const std::string& expected, const std::string& seen) {
-    throw BadInput(*place.file, place.line, place.column, expected, seen);
+    throw BadInput(*position.file, position.line, position.column, expected, seen);
   };
   // The editor recurses once per component, so the limit bounds the depth of the recursion.
   if (std::count(override.path.begin(), override.path.end(), '.') > 30)
@@ -361,7 +361,7 @@ Change parse_override(const Override& override) {
     throw_input_error("a TOML value for " + override.path, override.value);
   }
   // Positions in the parsed text mean nothing to the user; messages name the override instead.
-  set_place(change.value, place);
+  set_position(change.value, position);
   return change;
 }
 
@@ -369,7 +369,7 @@ Change parse_override(const Override& override) {
 
 Override make_override(const Change& change) {
   return {change.path, to_toml_value(change.value),
-          std::make_shared<const SourcePosition>(change.value.place)};
+          std::make_shared<const SourcePosition>(change.value.position)};
 }
 
 std::vector<Change> changes_from_set(const Node& set) {
@@ -425,16 +425,16 @@ namespace {
 constexpr std::size_t max_copied_bytes = std::size_t(256) << 20;
 
 /// Returns the offset of a position in the text of its file.
-std::size_t text_offset(const std::string& text, const SourcePosition& place) {
+std::size_t text_offset(const std::string& text, const SourcePosition& position) {
   std::size_t offset = 0;
-  for (int line = 1; line < place.line; ++line) offset = text.find('\n', offset) + 1;
-  return offset + std::size_t(place.column - 1);
+  for (int line = 1; line < position.line; ++line) offset = text.find('\n', offset) + 1;
+  return offset + std::size_t(position.column - 1);
 }
 
 /// Replaces the quoted file name at a position of the text.
-std::string replace_file_name(std::string text, const SourcePosition& place,
+std::string replace_file_name(std::string text, const SourcePosition& position,
                               const std::string& name) {
-  const std::size_t begin = text_offset(text, place);
+  const std::size_t begin = text_offset(text, position);
   // The quotes may be single or double; both ends have the same.
   const std::size_t end = text.find(text.at(begin), begin + 1);
   return text.replace(begin + 1, end - begin - 1, name);
@@ -442,8 +442,8 @@ std::string replace_file_name(std::string text, const SourcePosition& place,
 
 /// A section of a scene that is stored in a file of its own.
 struct SectionFileReference {
-  std::string section;   ///< dotted: "belief.identified"; "part.file" for a mesh or a program
-  SourcePosition place;  ///< position of the file name
+  std::string section;      ///< dotted: "belief.identified"; "part.file" for a mesh or a program
+  SourcePosition position;  ///< position of the file name
   std::filesystem::path file;
 };
 
@@ -456,8 +456,8 @@ std::vector<SectionFileReference> section_files(const Node& as_written, const pa
   const auto add = [&](const SectionFile& section_file, const Node& name) {
     if (name.text())
       references.push_back(
-          {section_file.dotted, name.place,
-           locate_file({*name.text(), name.place, section_file.kind}, folder, input_errors)});
+          {section_file.dotted, name.position,
+           locate_file({*name.text(), name.position, section_file.kind}, folder, input_errors)});
   };
   // find_path() needs a mutable tree.
   Node tree = as_written;
@@ -506,7 +506,7 @@ std::vector<CopiedFile> scene_copy(const std::filesystem::path& scene) {
     if (!input_errors.empty()) throw BadScene(input_errors.list());
     // In the order of their positions, for the replacements below.
     std::ranges::sort(sections, {}, [](const SectionFileReference& reference) {
-      return std::tuple(reference.place.line, reference.place.column);
+      return std::tuple(reference.position.line, reference.position.column);
     });
     for (const SectionFileReference& reference : sections)
       files.push_back({copied_file_name(reference, files),
@@ -514,7 +514,7 @@ std::vector<CopiedFile> scene_copy(const std::filesystem::path& scene) {
     // Backwards through the text, so that the positions of earlier names remain valid.
     for (std::size_t i = sections.size(); i-- > 0;)
       files.front().text =
-          replace_file_name(files.front().text, sections[i].place, files[i + 1].name);
+          replace_file_name(files.front().text, sections[i].position, files[i + 1].name);
   } catch (const BadInput& error) {
     throw BadScene({error});
   }

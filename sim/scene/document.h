@@ -15,7 +15,7 @@ struct SourcePosition;
 struct Override {
   std::string path;
   std::string value;  ///< TOML text
-  std::shared_ptr<const SourcePosition> place =
+  std::shared_ptr<const SourcePosition> position =
       {};  ///< position in a file; null if the user typed it
 
   /// Returns true for the same change, whatever its position.

@@ -154,9 +154,9 @@ Fields<T> seed_fields(std::uint64_t seed) {
   return Fields<T>()
       // This step runs before the key is read, so the default remains if the key is missing.
       .check([seed](TableReader&, T& shape) { shape.seed = seed; })
-      .whole(KeyName("seed").with_fallback("from the seed of the scene"), &T::seed, 0,
-             std::numeric_limits<std::int64_t>::max(),
-             "seed of the random numbers; curves with equal seeds vary together");
+      .integer(KeyName("seed").with_fallback("from the seed of the scene"), &T::seed, 0,
+               std::numeric_limits<std::int64_t>::max(),
+               "seed of the random numbers; curves with equal seeds vary together");
 }
 
 Fields<errors::Asynchronous> asynchronous_fields(const ElementName& name, const ElementUnits& unit,
@@ -183,7 +183,7 @@ std::vector<Alternative<Shape>> shape_alternatives(const ElementName& name,
   auto table = alternative<Shape>("table", rows, "values at positions");
   // `detrend` is a field of the curve, but the manual lists it with the table, as only tables have
   // it.
-  for (const Key& key : detrend_fields<CurveEntry>().keys()) table.word.keys.push_back(key);
+  for (const Key& key : detrend_fields<CurveEntry>().keys()) table.selector.keys.push_back(key);
   return {
       alternative<Shape>("constant",
                          Fields<errors::Constant>().number(required_key("value" + unit.value),
@@ -306,13 +306,13 @@ std::vector<errors::Coefficient> read_coefficient_names(TableReader& reader, con
       // Names may be long, such as `EXX screw pitch cos 1`.
       const auto suggestion = name.text() ? nearest(*name.text(), names) : std::nullopt;
       reader.input_errors().add(
-          name.place, "a coefficient of the curves in this file, such as \"EXX[1]\"",
+          name.position, "a coefficient of the curves in this file, such as \"EXX[1]\"",
           display_text(name) + (suggestion ? " (did you mean " + *suggestion + "?)" : ""));
       continue;
     }
     if (std::find(named_coefficients.begin(), named_coefficients.end(), entry->second) !=
         named_coefficients.end())
-      reader.input_errors().add(name.place, "each number once", display_text(name) + " again");
+      reader.input_errors().add(name.position, "each number once", display_text(name) + " again");
     // A repeated coefficient is added as well, so that the lengths of the following arrays agree.
     named_coefficients.push_back(entry->second);
   }

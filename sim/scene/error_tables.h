@@ -47,33 +47,33 @@ Key table_file_key();
 template <typename T>
 Fields<T> interpolation_fields() {
   return Fields<T>()
-      .word("between", &T::between,
-            {{"linear", errors::TableInterpolation::Linear},
-             {"spline", errors::TableInterpolation::Spline, "natural cubic"}},
-            "interpolation between the rows of the table")
-      .word("outside", &T::outside,
-            {{"refuse", errors::TableExtrapolation::Refuse,
-              "a program that leaves the table is rejected"},
-             {"hold", errors::TableExtrapolation::Hold, "the value of its first or last row"}},
-            "values beyond the range of the table");
+      .choice("between", &T::between,
+              {{"linear", errors::TableInterpolation::Linear},
+               {"spline", errors::TableInterpolation::Spline, "natural cubic"}},
+              "interpolation between the rows of the table")
+      .choice("outside", &T::outside,
+              {{"refuse", errors::TableExtrapolation::Refuse,
+                "a program that leaves the table is rejected"},
+               {"hold", errors::TableExtrapolation::Hold, "the value of its first or last row"}},
+              "values beyond the range of the table");
 }
 
 /// Returns the fields `argument` and `negate`.
 template <typename T>
 Fields<T> argument_fields() {
   return Fields<T>()
-      .word("argument", &T::argument,
-            {{"command", errors::Argument::Command},
-             {"carriage", errors::Argument::Carriage,
-              "the travel of the carriage itself, the negative of the command on a primed axis"}},
-            "position of the axis on which the values depend")
+      .choice("argument", &T::argument,
+              {{"command", errors::Argument::Command},
+               {"carriage", errors::Argument::Carriage,
+                "the travel of the carriage itself, the negative of the command on a primed axis"}},
+              "position of the axis on which the values depend")
       .boolean("negate", &T::negate, "true: the source states the values with the opposite sign");
 }
 
 /// Returns the field `detrend`.
 template <typename T>
 Fields<T> detrend_fields() {
-  return Fields<T>().word(
+  return Fields<T>().choice(
       "detrend", &T::detrend,
       {{"ends", errors::Detrend::Ends, "the line through the first and the last row"},
        {"lsq", errors::Detrend::LeastSquares, "the fitted line"}},

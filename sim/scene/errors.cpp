@@ -99,7 +99,7 @@ std::uint64_t mixed_seed(std::uint64_t x) { return split_mix::mixed(x + split_mi
 /// One errors table while it is read.
 struct ErrorsTable {
   struct Origin {
-    SourcePosition place;
+    SourcePosition position;
     bool derived = false;  ///< from the slope of another element; such elements add up
   };
   ErrorsSection section;
@@ -141,8 +141,7 @@ ElementUnits element_units(const ElementName& name, const MachineDescription& ma
 /// Returns the default seed of a curve.
 std::uint64_t curve_seed(std::uint64_t scene_seed, const ElementName& name, std::size_t index) {
   std::uint64_t seed = mixed_seed(scene_seed);
-  // The seed depends on the name, so that an additional element does not change the draws of
-  // others.
+  // The seed depends on the name, so that another element does not change the draws of this one.
   for (const char c : to_string(name)) seed = mixed_seed(seed ^ static_cast<unsigned char>(c));
   // TOML integers are signed, so the highest bit must be zero.
   return mixed_seed(seed ^ std::uint64_t(index)) >> 1;
@@ -154,15 +153,14 @@ bool is_straightness(const ElementName& name, const Joint* joint) {
          joint->direction_b.cross(Vector3d(Vector3d::Unit(name.component()))).norm() >= 1e-9;
 }
 
-/// Removes the straight line from a straightness curve and adds its slope to the squareness of the
-/// slides.
+/// Removes the line from a straightness curve and adds its slope to the squareness of the slides.
 void transfer_slope(ErrorsTable& table, Curve& curve, const ElementName& name,
-                    errors::Detrend method, const SourcePosition& place,
+                    errors::Detrend method, const SourcePosition& position,
                     const MachineDescription& machine, InputErrors& input_errors) {
   const Joint* slide = find_joint(machine, name.axis);
   if (!slide) return;  // check_against_machine() reports the unknown axis
   if (!is_straightness(name, slide)) {
-    input_errors.add(place, "detrend for a straightness of a slide only", to_string(name));
+    input_errors.add(position, "detrend for a straightness of a slide only", to_string(name));
     return;
   }
   const errors::DetrendedTable detrended =
@@ -178,9 +176,9 @@ void transfer_slope(ErrorsTable& table, Curve& curve, const ElementName& name,
     for (const auto& contribution : errors::to_squareness_errors(name, slope, machine.joints))
       add(table,
           constant_element(contribution.name, contribution.value, "slope of " + to_string(name)),
-          {place, true});
+          {position, true});
   } catch (const std::invalid_argument& error) {
-    input_errors.add(place, "a slope that is equivalent to a squareness of the machine",
+    input_errors.add(position, "a slope that is equivalent to a squareness of the machine",
                      error.what());
   }
 }
@@ -204,11 +202,11 @@ void read_curves(TableReader& reader, ErrorsTable& table, const Node::Entry& ent
     // An invalid curve may lack the table that detrending needs.
     if (input_errors.list().size() != error_count) continue;
     if (detrend)
-      transfer_slope(table, curve, name, *detrend, node->find("detrend")->place, context.machine,
+      transfer_slope(table, curve, name, *detrend, node->find("detrend")->position, context.machine,
                      input_errors);
     element.curves.push_back(std::move(curve));
   }
-  add(table, std::move(element), {entry.place});
+  add(table, std::move(element), {entry.position});
 }
 
 /// Returns the number of an entry in the unit of another key, as ", which is EXX_um = 5"; empty if
@@ -240,9 +238,9 @@ void read_element(TableReader& reader, ErrorsTable& table, const Node::Entry& en
   if (stem == entry.key) {
     read_curves(reader, table, entry, name, context);
   } else if (entry.key == in_unit) {
-    add(table, constant_element(name, reader.number(entry.key, any_number, 0.0)), {entry.place});
+    add(table, constant_element(name, reader.number(entry.key, any_number, 0.0)), {entry.position});
   } else {
-    reader.input_errors().add(entry.place, in_unit + " for the element " + stem,
+    reader.input_errors().add(entry.position, in_unit + " for the element " + stem,
                               entry.key + conversion_text(entry, in_unit));
   }
 }
@@ -340,9 +338,9 @@ void read_whole_table(ErrorsTable& table, const Node& node, const MachineDescrip
     curve.scale = whole.scale;
     // Only the slopes of straightness columns are squareness.
     if (whole.detrend && is_straightness(element.name, slide))
-      transfer_slope(table, curve, element.name, *whole.detrend, node.find("detrend")->place,
+      transfer_slope(table, curve, element.name, *whole.detrend, node.find("detrend")->position,
                      machine, input_errors);
-    add(table, std::move(element), {node.find("file")->place});
+    add(table, std::move(element), {node.find("file")->position});
   }
 }
 
@@ -354,10 +352,10 @@ Fields<errors::MeasuringLine> line_fields() {
   return Fields<MeasuringLine>()
       .vector(required_key("at_mm"), &MeasuringLine::at_b,
               "a point of the line in the bed frame, with all axes at zero")
-      .word(required_key("by"), &MeasuringLine::by,
-            {{"tool", MeasuredBy::Tool, "the measured point is where the tool was"},
-             {"carriage", MeasuredBy::Carriage, "the measured point travels with the carriage"}},
-            "what carried the measured point");
+      .choice(required_key("by"), &MeasuringLine::by,
+              {{"tool", MeasuredBy::Tool, "the measured point is where the tool was"},
+               {"carriage", MeasuredBy::Carriage, "the measured point travels with the carriage"}},
+              "what carried the measured point");
 }
 
 void read_lines(TableReader& reader, ErrorsTable& table, const MachineDescription& machine) {
@@ -476,7 +474,7 @@ void check_against_machine(const ErrorsTable& table, const MachineDescription& m
     try {
       errors::bind({{table.section.geometric.elements[i]}, {}}, *chain);
     } catch (const std::invalid_argument& error) {
-      input_errors.add(table.origins[i].place, "an element that fits the machine", error.what());
+      input_errors.add(table.origins[i].position, "an element that fits the machine", error.what());
     }
   }
 }
@@ -487,7 +485,7 @@ void report_repeated_name(const ErrorsTable& table, InputErrors& input_errors) {
     // Elements derived from slopes add to a stated squareness, so they may repeat its name.
     for (std::size_t j = 0; j < i && !table.origins[i].derived; ++j) {
       if (table.origins[j].derived || !(elements[i].name == elements[j].name)) continue;
-      input_errors.add(table.origins[i].place, "each element once (all its curves in one list)",
+      input_errors.add(table.origins[i].position, "each element once (all its curves in one list)",
                        to_string(elements[i].name) + " again");
       break;
     }
@@ -519,7 +517,7 @@ ErrorsSection read_errors(const Node& node, const MachineDescription& machine, s
     return {join_errors_tables({std::move(table)}, machine), scale};
   }
   if (!node.array() && !node.text())
-    input_errors.add(node.place, "a table, a file or a list of them for errors",
+    input_errors.add(node.position, "a table, a file or a list of them for errors",
                      display_text(node));
   std::vector<ErrorsSection> tables;
   for (const Node& element : node.array() ? *node.array() : Node::Array{}) {
@@ -528,7 +526,7 @@ ErrorsSection read_errors(const Node& node, const MachineDescription& machine, s
       // Each table gets another seed, so that equal curves of two tables are not correlated.
       tables.push_back(read_errors_table(element, {machine, seed++}, input_errors));
     else
-      input_errors.add(element.place, "a table or a file for errors", display_text(element));
+      input_errors.add(element.position, "a table or a file for errors", display_text(element));
   }
   return {join_errors_tables(std::move(tables), machine), 1.0};
 }

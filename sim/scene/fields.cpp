@@ -412,7 +412,7 @@ void FieldList::add_alternatives(const KeyName& name, Member member,
                                  const char* sentence) {
   const auto key = std::make_shared<Key>(make_key(name, Key::Kind::Text, sentence));
   for (const AlternativeAccess& alternative : alternatives)
-    key->choices.push_back(alternative.word);
+    key->choices.push_back(alternative.selector);
   const auto accesses =
       std::make_shared<const std::vector<AlternativeAccess>>(std::move(alternatives));
   add(
@@ -424,13 +424,13 @@ void FieldList::add_alternatives(const KeyName& name, Member member,
         if (!stated_word && reader.has(key->name)) return accept_keys(reader, key->choices);
         const std::string word = stated_word.value_or(key->choices.front().word);
         for (const AlternativeAccess& alternative : *accesses)
-          if (alternative.word.word == word) alternative.read(reader, member(target));
+          if (alternative.selector.word == word) alternative.read(reader, member(target));
       },
       [key, member, accesses](const void* source, Node::Table& table) {
         for (const AlternativeAccess& alternative : *accesses) {
           Node::Table entries;
           if (!alternative.write(const_member(member, source), entries)) continue;
-          put_value(table, key->name, alternative.word.word);
+          put_value(table, key->name, alternative.selector.word);
           return append_entries(table, std::move(entries));
         }
       });

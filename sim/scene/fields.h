@@ -30,8 +30,8 @@ struct KeyName {
 
   KeyName(const char* key) : name(key) {}
   KeyName(std::string key) : name(std::move(key)) {}
-  KeyName with_fallback(std::string text) const;        ///< with this fallback
-  KeyName in_exclusive_group(std::string group) const;  ///< with this `exclusive_group`
+  KeyName with_fallback(std::string text) const;        ///< a copy with a default in words
+  KeyName in_exclusive_group(std::string group) const;  ///< a copy in the group
 };
 /// Makes a key required.
 KeyName required_key(KeyName key);
@@ -71,7 +71,7 @@ std::vector<Key> allow_other_unit(std::vector<Key> keys, const std::string& unit
 /// One alternative of a variant V: the enum value that selects it, and its keys.
 template <typename V>
 struct Alternative {
-  EnumChoice word;
+  EnumChoice selector;
   std::function<V(TableReader&)> read;
   /// Returns false and writes nothing if the variant holds another alternative.
   std::function<bool(const V&, Node::Table&)> write;
@@ -259,7 +259,7 @@ ListAccess list_access() {
 
 /// An `Alternative` without the type of its variant.
 struct AlternativeAccess {
-  EnumChoice word;
+  EnumChoice selector;
   std::function<void(TableReader&, void* variant)> read;
   std::function<bool(const void* variant, Node::Table&)> write;
 };
@@ -269,7 +269,7 @@ std::vector<AlternativeAccess> alternative_access(std::vector<Alternative<V>> al
   accesses.reserve(alternatives.size());
   for (Alternative<V>& alternative : alternatives)
     accesses.push_back(
-        {std::move(alternative.word),
+        {std::move(alternative.selector),
          [read = std::move(alternative.read)](TableReader& reader, void* variant) {
            *static_cast<V*>(variant) = read(reader);
          },
@@ -356,8 +356,7 @@ class Fields : public fields_detail::FieldList {
   template <typename M>
   using Value = std::remove_cvref_t<std::invoke_result_t<M, T&>>;
 
-  // Constructed in place, because GCC warns if a struct with an uninitialized Eigen vector is
-  // moved.
+  // Constructed in place, because GCC warns of the move of an uninitialized Eigen vector.
   Fields() : FieldList(std::make_shared<const T>()) {}
   /// @param initial  the value if all keys are missing
   explicit Fields(T initial) : FieldList(std::make_shared<const T>(std::move(initial))) {}
@@ -383,8 +382,8 @@ class Fields : public fields_detail::FieldList {
   }
   /// Adds an integer of any type from min to max, or an optional one.
   template <typename M>
-  Fields& whole(const KeyName& key, M member, std::int64_t min, std::int64_t max,
-                const char* sentence) {
+  Fields& integer(const KeyName& key, M member, std::int64_t min, std::int64_t max,
+                  const char* sentence) {
     add_integer(key, untyped(std::move(member)), fields_detail::integer_access<Value<M>>(), min,
                 max, sentence);
     return *this;
@@ -415,9 +414,9 @@ class Fields : public fields_detail::FieldList {
   }
   /// Adds an enum value. If a required key is missing or invalid, the first value is set.
   template <typename M>
-  Fields& word(const KeyName& key, M member,
-               std::vector<fields_detail::EnumValue<Value<M>>> labelled_values,
-               const char* sentence) {
+  Fields& choice(const KeyName& key, M member,
+                 std::vector<fields_detail::EnumValue<Value<M>>> labelled_values,
+                 const char* sentence) {
     add_enum(key, untyped(std::move(member)),
              fields_detail::enum_access(std::move(labelled_values)), sentence);
     return *this;
@@ -441,7 +440,7 @@ class Fields : public fields_detail::FieldList {
                 sentence);
     return *this;
   }
-  /// Adds a section, which sets a U, or an optional one that stays empty without the section.
+  /// Adds a section, which sets a U or an optional U; without the section the latter stays empty.
   template <typename M, typename U>
   Fields& table(const KeyName& key, M member, Fields<U> fields, const char* sentence) {
     static_assert(std::is_same_v<typename fields_detail::WithoutOptional<Value<M>>::type, U>);
@@ -503,8 +502,8 @@ class Fields : public fields_detail::FieldList {
     return *this;
   }
 
-  /// Returns `start` with the members set whose keys are present. `TableReader::close` reports
-  /// other keys.
+  /// Returns `start` after setting the members whose keys are present. `TableReader::close` reports
+  /// the other keys.
   T read(TableReader& reader) const { return read(reader, initial_value()); }
   T read(TableReader& reader, T start) const {
     read_into(reader, std::addressof(start));
@@ -572,8 +571,7 @@ Eigen::Matrix3d read_turn(TableReader& reader);
 /// Returns the fields `at_mm` and `turn_deg`, the pose of a body in its parent.
 const Fields<kinematics::Pose>& placement_fields();
 
-/// Returns the fields of axis positions (joints) with keys such as Z_mm and A_deg; the default is
-/// zero.
+/// Returns the fields of positions of joints, with keys such as Z_mm and A_deg; the default is 0.
 /// @param joints  empty if only the keys are needed
 Fields<kinematics::AxisVector> axis_position_fields(const std::vector<kinematics::Joint>& joints);
 kinematics::AxisVector read_axis_positions(TableReader& reader,

@@ -117,7 +117,8 @@ Fields<SensorChoiceOptions> selection_fields() {
   using Options = SensorChoiceOptions;
   const Key similarity_measure = similarity_key();
   return Fields<Options>()
-      .whole("count", &Options::count, 1, 100, "number of sensors, one set for X, Y and Z together")
+      .integer("count", &Options::count, 1, 100,
+               "number of sensors, one set for X, Y and Z together")
       .custom_field(
           {similarity_measure},
           [similarity_measure](TableReader& reader, Options& choice) {
@@ -135,22 +136,22 @@ Fields<SensorChoiceOptions> selection_fields() {
                   choice.grey.kind == name.grey)
                 put_value(table, similarity_measure.name, std::string(name.word));
           })
-      .word(
+      .choice(
           "image", [](auto& choice) -> auto& { return choice.grey.image; },
           {{"initial", Image::Initial, "x / x(1)"},
            {"mean", Image::Mean, "x / mean"},
            {"interval", Image::Interval, "(x - min) / (max - min)"}},
           "transformation of a series for Deng's degree")
-      .word("screening", &Options::screening,
-            {{"degree", Screening::Degree, "the sensors most similar to the error"},
-             {"regression", Screening::Regression,
-              "one sensor after another, each chosen to reduce the residual most"}},
-            "selection among the leaders of the groups")
+      .choice("screening", &Options::screening,
+              {{"degree", Screening::Degree, "the sensors most similar to the error"},
+               {"regression", Screening::Regression,
+                "one sensor after another, each chosen to reduce the residual most"}},
+              "selection among the leaders of the groups")
       .number(KeyName("threshold")
                   .with_fallback("the highest value that gives at most `groups` groups"),
               &Options::threshold, {0.0, 1.0}, "sensors at least this similar form one group")
-      .whole("groups", &Options::groups, 1, 1000,
-             "largest number of groups, without a `threshold`");
+      .integer("groups", &Options::groups, 1, 1000,
+               "largest number of groups, without a `threshold`");
 }
 
 std::vector<std::string> read_names(TableReader& reader, const std::string& key) {
@@ -161,7 +162,7 @@ std::vector<std::string> read_names(TableReader& reader, const std::string& key)
     if (node.text() && !node.text()->empty())
       names.push_back(*node.text());
     else
-      reader.input_errors().add(node.place, "a name", display_text(node));
+      reader.input_errors().add(node.position, "a name", display_text(node));
   // An empty list stands for the default and must not be written by mistake.
   if (names.empty()) reader.report_invalid(key, "a list of names", display_text(*list));
   return names;
@@ -211,7 +212,7 @@ void read_methods(TableReader& reader, SensorChoiceDescription& description) {
     // Results are listed by the name of the method.
     const std::string& name = description.compared_methods.back().name;
     if (!name.empty() && !names.insert(name).second)
-      reader.input_errors().add(node->place, "a name that no other method in beside has",
+      reader.input_errors().add(node->position, "a name that no other method in beside has",
                                 "\"" + name + "\" again");
   }
 }
@@ -238,7 +239,7 @@ const Fields<SensorChoiceDescription>& sensor_choice_fields() {
           .include_fields(
               [](auto& description) -> auto& { return description.study.choice; },
               selection_fields())
-          .word(
+          .choice(
               "model", [](auto& description) -> auto& { return description.study.model.kind; },
               {{"linear", ModelKind::Linear},
                {"ridge", ModelKind::Ridge},
@@ -256,7 +257,7 @@ const Fields<SensorChoiceDescription>& sensor_choice_fields() {
               [](auto& description) -> auto& { return description.study.features.lag_rows; },
               non_negative,
               "each temperature is also used with a lag of this many readings; 0: no lag")
-          .whole(
+          .integer(
               "random_subsets",
               [](auto& description) -> auto& { return description.study.random_subsets; }, 0, 10000,
               "random subsets of the same size as the choice, for comparison")
@@ -373,7 +374,7 @@ void read_instrument_axes(TableReader& reader, Instrument& instrument) {
     if (letter.text() && letter.text()->size() == 1)
       instrument.axes.push_back(letter.text()->front());
     else
-      reader.input_errors().add(letter.place, "the letter of an axis", display_text(letter));
+      reader.input_errors().add(letter.position, "the letter of an axis", display_text(letter));
   }
 }
 
@@ -389,12 +390,12 @@ void add_targets(Fields<Instrument>& fields) {
           {make_key(KeyName("axes").with_fallback("all that apply"), Key::Kind::Texts,
                     "letters of axes; for planes and diagonals, those between these axes")},
           read_instrument_axes, put_axes)
-      .whole(typical_value("runs"), &Instrument::runs, 1, 1000,
-             "repetitions; for a spindle, revolutions")
-      .whole(typical_value("targets"), &Instrument::targets, 2, 10000,
-             "number of targets along an axis, a circle, a diagonal or a grid line; steps; "
-             "readings per revolution. Full revolutions of a bar, an R-test or a sphere are read "
-             "at this many different positions, without a repetition of the first at the end")
+      .integer(typical_value("runs"), &Instrument::runs, 1, 1000,
+               "repetitions; for a spindle, revolutions")
+      .integer(typical_value("targets"), &Instrument::targets, 2, 10000,
+               "number of targets along an axis, a circle, a diagonal or a grid line; steps; "
+               "readings per revolution. Full revolutions of a bar, an R-test or a sphere are read "
+               "at this many different positions, without a repetition of the first at the end")
       .boolean(KeyName("both_ways")
                    .with_fallback("true; false for grids, spheres and the step diagonal"),
                &Instrument::bidirectional,

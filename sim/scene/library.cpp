@@ -64,8 +64,7 @@ std::string shortest_name(const path& file, const std::vector<path>& files, std:
          (kind.empty() ? name : name.lexically_relative(kind)).generic_string();
 }
 
-/// Returns the files that a name may denote, which is relative to the library or to the folder of
-/// the kind.
+/// Returns the files that a name, relative to the library or the folder of the kind, may denote.
 std::vector<path> matching_files(const path& name, const std::vector<path>& files,
                                  std::string_view kind) {
   std::vector<path> matches;
@@ -101,12 +100,12 @@ path locate_library_file(const FileName& file_name, InputErrors& input_errors) {
   std::vector<path> matches = matching_files(name, library_files(library, ""), file_name.kind);
   if (matches.size() == 1) return library / matches.front();
   if (matches.size() > 1) {
-    input_errors.add(file_name.place, "one of " + joined_names(matches, "", name.string()),
+    input_errors.add(file_name.position, "one of " + joined_names(matches, "", name.string()),
                      fmt::format("\"{}\", which is ambiguous", file_name.name));
   } else {
     // Only files of this kind fit the section.
     const std::vector<path> files = library_files(library, file_name.kind);
-    input_errors.add(file_name.place,
+    input_errors.add(file_name.position,
                      "a library name: " + joined_names(files, file_name.kind, name.string()),
                      fmt::format("\"{}\"", file_name.name));
   }
@@ -144,7 +143,7 @@ path locate_file(const FileName& name, const path& folder, InputErrors& input_er
   } catch (const BadInput& error) {
     // There is no library, which matters only for names with the prefix.
     if (name.name.starts_with(library_prefix))
-      input_errors.add(name.place, error.expected, error.seen);
+      input_errors.add(name.position, error.expected, error.seen);
     return relative_file;
   }
 }
@@ -152,8 +151,8 @@ path locate_file(const FileName& name, const path& folder, InputErrors& input_er
 path library_file(const path& name) {
   InputErrors input_errors;
   const std::string text = name.string();
-  const SourcePosition place{std::make_shared<const std::string>(text), 0, 0, true};
-  const path file = locate_file({text, place, ""}, "", input_errors);
+  const SourcePosition position{std::make_shared<const std::string>(text), 0, 0, true};
+  const path file = locate_file({text, position, ""}, "", input_errors);
   if (!input_errors.empty()) throw BadScene(input_errors.list());
   return file;
 }

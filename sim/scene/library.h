@@ -6,8 +6,7 @@
 
 #include "sim/scene/toml.h"
 
-/// The library of machines, errors, tools, materials, parts, programs and beliefs that abbe
-/// installs.
+/// The installed library of machines, errors, tools, materials, parts, programs and beliefs.
 namespace abbe::sim {
 
 /// Prefix of the name of a library file, as in "library:gantry_cxyza".
@@ -21,7 +20,7 @@ std::filesystem::path library_folder();
 /// A file name as written in a scene.
 struct FileName {
   std::string_view name;
-  SourcePosition place;
+  SourcePosition position;
   std::string_view kind;  ///< library folder of such files, such as "machines"; the name may omit
                           ///< it. Empty for a file that may be anywhere in the library
 };

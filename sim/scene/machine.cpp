@@ -56,12 +56,13 @@ void check_unique_names(InputErrors& input_errors, const std::vector<const Node*
   for (std::size_t i = 0; i < names.size(); ++i) {
     // A default name is not in the file, so the position of the body is reported.
     const Node* name_node = tables[i]->find("name");
-    const SourcePosition& place = name_node != nullptr ? name_node->place : tables[i]->place;
+    const SourcePosition& position =
+        name_node != nullptr ? name_node->position : tables[i]->position;
     const auto owner = is_reserved_name(names[i])
                            ? fmt::format("the name of the {} itself", names[i])
                            : (owners.contains(names[i]) ? owners[names[i]] : std::string());
     if (!owner.empty())
-      input_errors.add(place, fmt::format("a unique name for {}", kind),
+      input_errors.add(position, fmt::format("a unique name for {}", kind),
                        fmt::format("\"{}\", {}", names[i], owner));
     owners.emplace(names[i], fmt::format("already the name of {}", kind));
   }
@@ -115,11 +116,11 @@ void check_ignored_names(TableReader& scene, const MachineDescription& machine,
     const Node *a = pair->find("a"), *b = pair->find("b");
     for (const Node* name : {a, b})
       if (std::ranges::find(names, *name->text()) == names.end())
-        scene.input_errors().add(name->place,
+        scene.input_errors().add(name->position,
                                  fmt::format("the name of a body: {}", fmt::join(names, ", ")),
                                  display_text(*name));
     if (*a->text() == *b->text())
-      scene.input_errors().add(b->place, "the name of a body other than collision.ignore.a",
+      scene.input_errors().add(b->position, "the name of a body other than collision.ignore.a",
                                display_text(*b));
   }
 }
@@ -175,8 +176,8 @@ Fields<Joint> axis_fields(const Joint& axis) {
   const KeyName travel_mm = KeyName("travel_mm").with_fallback("unlimited");
   const KeyName travel_deg = KeyName("travel_deg").with_fallback("unlimited");
   return Fields<Joint>(axis)
-      .word(KeyName("motion").with_fallback("by letter: rotary for A, B, C, S"), &Joint::motion,
-            {{"linear", Motion::Linear}, {"rotary", Motion::Rotary}}, "type of motion")
+      .choice(KeyName("motion").with_fallback("by letter: rotary for A, B, C, S"), &Joint::motion,
+              {{"linear", Motion::Linear}, {"rotary", Motion::Rotary}}, "type of motion")
       .direction(default_direction(axis.name) ? direction : required_key(direction),
                  &Joint::direction_b,
                  "direction in which a positive command moves the tool relative to the workpiece, "
@@ -197,17 +198,17 @@ Fields<Joint> axis_fields(const Joint& axis) {
           {make_numbers_key(travel_mm, 2, "[min, max] of the commanded position of a slide"),
            make_numbers_key(travel_deg, 2, "[min, max] of the commanded angle of a rotary axis")},
           read_travel, put_travel)
-      .word("deviation_axes", &Joint::deviation_axes,
-            {{"fixed", DeviationAxes::Fixed, "ISO 230-7"},
-             {"turning", DeviationAxes::Turning, "the convention of the papers"}},
-            "directions in which the deviations of a rotary axis are stated")
-      .word("squareness", &Joint::squareness,
-            {{"frame", Squareness::Frame,
-              "the axis turns with everything that it carries; if it carries the slide to which "
-              "the angle is stated, everything that it carries turns by the opposite angle "
-              "(`kinematics/README.md`)"},
-             {"travel", Squareness::Travel, "only the direction of travel"}},
-            "what a location angle turns; the angle is the same");
+      .choice("deviation_axes", &Joint::deviation_axes,
+              {{"fixed", DeviationAxes::Fixed, "ISO 230-7"},
+               {"turning", DeviationAxes::Turning, "the convention of the papers"}},
+              "directions in which the deviations of a rotary axis are stated")
+      .choice("squareness", &Joint::squareness,
+              {{"frame", Squareness::Frame,
+                "the axis turns with everything that it carries; if it carries the slide to which "
+                "the angle is stated, everything that it carries turns by the opposite angle "
+                "(`kinematics/README.md`)"},
+               {"travel", Squareness::Travel, "only the direction of travel"}},
+              "what a location angle turns; the angle is the same");
 }
 
 /// A joint with its rollover, a property of the control and not of the kinematics.
@@ -221,7 +222,7 @@ Fields<MachineAxis> machine_axis_fields(const MachineAxis& axis) {
   return Fields<MachineAxis>(axis)
       .include_fields(&MachineAxis::joint, axis_fields(axis.joint))
       .only_if([](const MachineAxis& axis) { return axis.joint.motion != Motion::Linear; },
-               Fields<MachineAxis>().word(
+               Fields<MachineAxis>().choice(
                    "rollover", &MachineAxis::rollover,
                    {{"by_control", Rollover::ByControl,
                      "\"shortest\" in a Fanuc program for an axis that carries the workpiece and "
@@ -312,7 +313,7 @@ std::vector<MachineAxis> read_axes(TableReader& machine, const kinematics::Topol
   const Node* section = machine.section("axis");
   // If the section is missing, an empty one is read, so that each missing axis is reported.
   Node empty_section;
-  empty_section.place = machine.place();
+  empty_section.position = machine.position();
   empty_section.value = Node::Table{};
   TableReader reader(section ? *section : empty_section, machine.qualified_name("axis"),
                      machine.input_errors());

@@ -14,8 +14,7 @@
 #include "sim/scene/fields.h"
 #include "sim/scene/table_reader.h"
 
-// The `[part]` section of a scene: the keys of its shape, sampling, judged areas, tolerances and
-// rings.
+// The `[part]` section: the keys of its shape, sampling, judged areas, tolerances and rings.
 
 namespace abbe::sim {
 
@@ -144,8 +143,8 @@ Fields<PartDescription> primitive_fields() {
            alternative<Primitive>("revolved", revolved_profile_fields(),
                                   "a profile revolved about z")},
           "an exact surface, if there is no `file`")
-      .whole("vertices", &PartDescription::vertices, 100, 50'000'000,
-             "number of vertices on a `surface`; a mesh has its own");
+      .integer("vertices", &PartDescription::vertices, 100, 50'000'000,
+               "number of vertices on a `surface`; a mesh has its own");
 }
 
 Fields<PartDescription> mesh_fields() {
@@ -157,14 +156,15 @@ Fields<PartDescription> mesh_fields() {
 Fields<PartSampling> part_sampling_fields() {
   using Kind = PartSampling::Kind;
   return Fields<PartSampling>()
-      .word(KeyName("sampling").with_fallback("adaptive; vertices if `vertices` is given"),
-            &PartSampling::kind,
-            {{"adaptive", Kind::Adaptive,
-              "vertices are added where the residual is not linear between them, as on crests "
-              "between passes"},
-             {"spacing", Kind::Spacing, "no judged edge is longer than `spacing_mm`"},
-             {"vertices", Kind::Vertices, "the vertices of the mesh, or as many as `vertices`"}},
-            "where on the part `run` and `compare` evaluate the residual; studies use the vertices")
+      .choice(
+          KeyName("sampling").with_fallback("adaptive; vertices if `vertices` is given"),
+          &PartSampling::kind,
+          {{"adaptive", Kind::Adaptive,
+            "vertices are added where the residual is not linear between them, as on crests "
+            "between passes"},
+           {"spacing", Kind::Spacing, "no judged edge is longer than `spacing_mm`"},
+           {"vertices", Kind::Vertices, "the vertices of the mesh, or as many as `vertices`"}},
+          "where on the part `run` and `compare` evaluate the residual; studies use the vertices")
       .number(KeyName("resolution_um").with_fallback("10 % of the error-free PV, at least 0.05"),
               &PartSampling::resolution, positive,
               "largest error of linear interpolation between vertices: adaptive sampling achieves "
@@ -173,8 +173,9 @@ Fields<PartSampling> part_sampling_fields() {
               "longest edge with `sampling = \"spacing\"`")
       .number("finest_mm", &PartSampling::min_edge_length, {1e-6, 1e3, false, false},
               "shortest edge that adaptive sampling makes")
-      .whole("points", &PartSampling::points, 100, 50'000'000,
-             "largest number of points of the sampling; a warning is given if they do not suffice");
+      .integer(
+          "points", &PartSampling::points, 100, 50'000'000,
+          "largest number of points of the sampling; a warning is given if they do not suffice");
 }
 
 bool is_mesh(const PartDescription& part) { return std::holds_alternative<MeshFile>(part.shape); }
@@ -202,24 +203,24 @@ Fields<PartDescription> judged_fields() {
                                 fmt::format("{:.6g} and {:.6g} mm", *part.judged_radius_min,
                                             *part.judged_radius_max));
       })
-      .word("judged", &PartDescription::judged,
-            {{"cut", PartDescription::JudgedArea::Cut,
-              "the area that the program is meant to cut: the error-free tool comes within the "
-              "search band there, its corner radius fits the design, and the sweep does not lead "
-              "out next to an uncut area"},
-             {"all", PartDescription::JudgedArea::All, "the whole surface"},
-             {"regions", PartDescription::JudgedArea::Regions,
-              "everything in a `[[part.region]]`, cut or not"}},
-            "vertices that are judged, among those that the keys below admit")
+      .choice("judged", &PartDescription::judged,
+              {{"cut", PartDescription::JudgedArea::Cut,
+                "the area that the program is meant to cut: the error-free tool comes within the "
+                "search band there, its corner radius fits the design, and the sweep does not lead "
+                "out next to an uncut area"},
+               {"all", PartDescription::JudgedArea::All, "the whole surface"},
+               {"regions", PartDescription::JudgedArea::Regions,
+                "everything in a `[[part.region]]`, cut or not"}},
+              "vertices that are judged, among those that the keys below admit")
       .only_if(
           is_mesh,
           Fields<PartDescription>()
-              .word("facets", &PartDescription::flat_facets,
-                    {{"smooth", false,
-                      "the surface between vertices is the smooth surface that vertices and "
-                      "normals imply, up to sharp edges"},
-                     {"flat", true, "the facets themselves are the surface"}},
-                    "of a mesh: surface that is judged between the vertices")
+              .choice("facets", &PartDescription::flat_facets,
+                      {{"smooth", false,
+                        "the surface between vertices is the smooth surface that vertices and "
+                        "normals imply, up to sharp edges"},
+                       {"flat", true, "the facets themselves are the surface"}},
+                      "of a mesh: surface that is judged between the vertices")
               .number("recognise_um", &PartDescription::recognition_tolerance, non_negative,
                       "of a mesh: a face whose vertices lie within this distance of a plane, "
                       "sphere, cylinder, cone or torus is replaced by that surface, so that its "
@@ -367,7 +368,7 @@ void read_regions(TableReader& reader, PartDescription& part) {
   for (const Node* node : reader.tables("region")) {
     TableReader region_reader(*node, reader.qualified_name("region"), reader.input_errors());
     part.regions.push_back(region_fields().read(region_reader));
-    part.regions.back().place = node->place;
+    part.regions.back().position = node->position;
     // Only meshes have faces with groups and colours.
     for (const char* key : {"group", "colour"})
       if (region_reader.has(key) && !is_mesh(part))

@@ -45,7 +45,7 @@ struct PartRegion {
   std::optional<cutting::Rgb> colour;        ///< mesh files: colour of its faces
   std::optional<Tolerance> tolerance;
   bool judged = true;
-  SourcePosition place;  ///< position in the scene, for errors found in the mesh
+  SourcePosition position;  ///< position in the scene, for errors found in the mesh
 };
 
 /// The part: its design, the points at which it is evaluated, and the tolerances.

@@ -37,8 +37,8 @@ constexpr Range tool_tilt_deg{-89.0, 89.0, false, false};
 
 Fields<NcFormat> format_fields() {
   return Fields<NcFormat>()
-      .whole("decimals_mm", &NcFormat::decimals_mm, 0, 15, "decimals of lengths in NC")
-      .whole("decimals_deg", &NcFormat::decimals_deg, 0, 15, "decimals of angles in NC");
+      .integer("decimals_mm", &NcFormat::decimals_mm, 0, 15, "decimals of lengths in NC")
+      .integer("decimals_deg", &NcFormat::decimals_deg, 0, 15, "decimals of angles in NC");
 }
 
 Fields<Raster> raster_fields() {
@@ -54,9 +54,9 @@ Fields<Raster> raster_fields() {
       .number_as_written("speed_rpm", &Raster::speed_rpm, spindle_rpm, "spindle speed")
       .number("clearance_mm", &Raster::clearance, positive,
               "clearance of the retract between passes")
-      .word("pattern", &Raster::zigzag,
-            {{"zigzag", true, "to and fro"}, {"one_way", false, "all passes in one direction"}},
-            "pattern of the passes")
+      .choice("pattern", &Raster::zigzag,
+              {{"zigzag", true, "to and fro"}, {"one_way", false, "all passes in one direction"}},
+              "pattern of the passes")
       .number("overrun_mm", &Raster::overrun, non_negative,
               "distance by which passes extend beyond a declared surface")
       .include_fields(&Raster::format, format_fields());
@@ -86,7 +86,7 @@ Fields<Spiral> spiral_fields() {
       .number("end_radius_mm", &Spiral::end_radius, non_negative,
               "radius at which the cut ends; 0: with one revolution on the axis")
       .number("interval_s", &Spiral::interval, positive, "interval between rows of PVT")
-      .word("format", &Spiral::write_nc, {{"pvt", false}, {"nc", true}}, "format of the program")
+      .choice("format", &Spiral::write_nc, {{"pvt", false}, {"nc", true}}, "format of the program")
       .include_fields(&Spiral::format, format_fields());
 }
 
@@ -132,16 +132,17 @@ void read_block_skip(TableReader& reader, File& program) {
 Fields<PoleOptions> pole_fields() {
   constexpr Range near_range{0.0, 45.0, true, false}, change_range{0.0, 90.0};
   return Fields<PoleOptions>()
-      .word("pole", &PoleOptions::rule,
-            {{"as_programmed", PoleRule::AsProgrammed, "the behaviour of the dialect"},
-             {"linuxcnc", PoleRule::LinuxCnc,
-              "rotary axes move as programmed, in a LinuxCNC program"},
-             {"fanuc", PoleRule::Fanuc,
-              "tool posture control, for G43.5 and cutter locations: a block that would pass close "
-              "by a pole is led through it"},
-             {"siemens", PoleRule::Siemens,
-              "vectors on great circles, for Siemens and cutter locations"}},
-            "the control's rule for tool vectors and near a pole")
+      .choice(
+          "pole", &PoleOptions::rule,
+          {{"as_programmed", PoleRule::AsProgrammed, "the behaviour of the dialect"},
+           {"linuxcnc", PoleRule::LinuxCnc,
+            "rotary axes move as programmed, in a LinuxCNC program"},
+           {"fanuc", PoleRule::Fanuc,
+            "tool posture control, for G43.5 and cutter locations: a block that would pass close "
+            "by a pole is led through it"},
+           {"siemens", PoleRule::Siemens,
+            "vectors on great circles, for Siemens and cutter locations"}},
+          "the control's rule for tool vectors and near a pole")
       .only_if([](const PoleOptions& pole) { return pole.rule == PoleRule::Fanuc; },
                Fields<PoleOptions>()
                    .number(required_key("pole_near_deg"), &PoleOptions::near_angle, near_range,
@@ -155,22 +156,22 @@ Fields<PoleOptions> pole_fields() {
 
 Fields<TurningOptions> turning_fields() {
   return Fields<TurningOptions>()
-      .word("control", &TurningOptions::control_kind,
-            {{"of_machine", ControlKind::FromMachine,
-              "a turning machine if a spindle S turns the workpiece, else a milling machine"},
-             {"milling", ControlKind::Milling, "a milling machine"},
-             {"turning", ControlKind::Turning, "a turning machine; Fanuc: G-code system A"}},
-            "type of machine that the control is made for")
-      .word("x_words", &TurningOptions::x_words,
-            {{"of_control", XWordMeaning::FromControl,
-              "diameters on Fanuc and Siemens turning controls if X is perpendicular to the "
-              "spindle line, else radii"},
-             {"diameters", XWordMeaning::Diameters, "diameters"},
-             {"radii", XWordMeaning::Radii, "radii"}},
-            "what X means until the program changes it (G7, DIAMON)")
-      .whole("tip", &TurningOptions::tip_number, 0, 9,
-             "point of a round nose that X and Z guide without G41 and G42, as numbered by Fanuc "
-             "and Siemens: 3 at X- Z- of its centre, 2 at X+ Z-; 0: its centre");
+      .choice("control", &TurningOptions::control_kind,
+              {{"of_machine", ControlKind::FromMachine,
+                "a turning machine if a spindle S turns the workpiece, else a milling machine"},
+               {"milling", ControlKind::Milling, "a milling machine"},
+               {"turning", ControlKind::Turning, "a turning machine; Fanuc: G-code system A"}},
+              "type of machine that the control is made for")
+      .choice("x_words", &TurningOptions::x_words,
+              {{"of_control", XWordMeaning::FromControl,
+                "diameters on Fanuc and Siemens turning controls if X is perpendicular to the "
+                "spindle line, else radii"},
+               {"diameters", XWordMeaning::Diameters, "diameters"},
+               {"radii", XWordMeaning::Radii, "radii"}},
+              "what X means until the program changes it (G7, DIAMON)")
+      .integer("tip", &TurningOptions::tip_number, 0, 9,
+               "point of a round nose that X and Z guide without G41 and G42, as numbered by Fanuc "
+               "and Siemens: 3 at X- Z- of its centre, 2 at X+ Z-; 0: its centre");
 }
 
 Fields<InterpreterLimits> interpreter_fields() {
@@ -203,11 +204,11 @@ Fields<ControlTableFile> table_fields(dialects::ControlTableKind kind) {
                   "Heidenhain .t"
                 : "work offsets: LinuxCNC .var, a listing of Fanuc's G10 L2 and L20, Siemens "
                   "UFR, Heidenhain .pr")
-      .word("unit", &ControlTableFile::unit,
-            {{"as_stated", std::nullopt, "as stated in the file"},
-             {"mm", 1.0, "millimetres"},
-             {"inch", units::inch, "inches"}},
-            "unit of its lengths; required if the file does not state it")
+      .choice("unit", &ControlTableFile::unit,
+              {{"as_stated", std::nullopt, "as stated in the file"},
+               {"mm", 1.0, "millimetres"},
+               {"inch", units::inch, "inches"}},
+              "unit of its lengths; required if the file does not state it")
       .check([kind](TableReader& reader, ControlTableFile& table) {
         read_control_table(reader, table, kind);
       });
@@ -240,18 +241,18 @@ Fields<ProgramDescription> file_fields() {
           .text(required_key("file").in_exclusive_group("source"), &File::file,
                 "program file: .csv and .pvt are position-velocity-time, others such as .ngc, .nc, "
                 ".mpf, .h, .apt are machining programs")
-          .word("dialect", &File::dialect,
-                {{"auto", Dialect::Auto, "recognised by its content"},
-                 {"linuxcnc", Dialect::LinuxCnc, "RS274/NGC"},
-                 {"fanuc", Dialect::Fanuc, "Fanuc and similar"},
-                 {"siemens", Dialect::Siemens, "840D"},
-                 {"heidenhain", Dialect::Heidenhain, "Klartext"},
-                 {"cl", Dialect::Cl, "cutter locations, APT or CSV"}},
-                "dialect of the program")
-          .word("on_unknown", &File::on_unknown,
-                {{"refuse", UnknownWordPolicy::Refuse, "all of them are reported at once"},
-                 {"warn", UnknownWordPolicy::Warn, "they are skipped, and counted"}},
-                "treatment of words that the dialect does not know")
+          .choice("dialect", &File::dialect,
+                  {{"auto", Dialect::Auto, "recognised by its content"},
+                   {"linuxcnc", Dialect::LinuxCnc, "RS274/NGC"},
+                   {"fanuc", Dialect::Fanuc, "Fanuc and similar"},
+                   {"siemens", Dialect::Siemens, "840D"},
+                   {"heidenhain", Dialect::Heidenhain, "Klartext"},
+                   {"cl", Dialect::Cl, "cutter locations, APT or CSV"}},
+                  "dialect of the program")
+          .choice("on_unknown", &File::on_unknown,
+                  {{"refuse", UnknownWordPolicy::Refuse, "all of them are reported at once"},
+                   {"warn", UnknownWordPolicy::Warn, "they are skipped, and counted"}},
+                  "treatment of words that the dialect does not know")
           .custom_field({make_key(KeyName("block_skip").with_fallback("on"), Key::Kind::Text,
                                   "operator's block skip switch for blocks after a /: \"on\" skips "
                                   "them, \"off\" executes them, \"1 3\" skips those of these "
@@ -271,15 +272,16 @@ Fields<ProgramDescription> file_fields() {
                 if (!program.startup_code.empty())
                   put_value(table, "startup_code", program.startup_code);
               })
-          .word("interpreter", &File::interpreter,
-                {{"abbe", Interpreter::Abbe, "abbe's own interpreter"},
-                 {"linuxcnc", Interpreter::LinuxCnc,
-                  "LinuxCNC's rs274 as a separate process, unpacked by `./abbe setup --linuxcnc`"}},
-                "interpreter of a LinuxCNC program")
+          .choice(
+              "interpreter", &File::interpreter,
+              {{"abbe", Interpreter::Abbe, "abbe's own interpreter"},
+               {"linuxcnc", Interpreter::LinuxCnc,
+                "LinuxCNC's rs274 as a separate process, unpacked by `./abbe setup --linuxcnc`"}},
+              "interpreter of a LinuxCNC program")
           .include_fields(&File::interpreter_limits, interpreter_fields())
-          .whole("max_moves", &File::max_moves, 1, 2'000'000'000,
-                 "largest number of moves of the program, with every repetition of loops and "
-                 "cycles counted; more is an input error")
+          .integer("max_moves", &File::max_moves, 1, 2'000'000'000,
+                   "largest number of moves of the program, with every repetition of loops and "
+                   "cycles counted; more is an input error")
           .include_fields(&File::pole, pole_fields())
           .include_fields(&File::turning, turning_fields())
           .number("pole_warning_deg", &File::pole_warning, Range{0.0, 45.0},
@@ -327,7 +329,7 @@ void read_tool_lengths(TableReader& program, ProgramDescription& description) {
     if (!is_h_number) {
       // Accepted, so that it is not reported as an unknown key as well.
       reader.accept_key(entry.key);
-      program.input_errors().add(entry.place, "an H number from 0 to 999", entry.key);
+      program.input_errors().add(entry.position, "an H number from 0 to 999", entry.key);
       continue;
     }
     description.tool_length[std::stoi(entry.key)] = reader.number(entry.key, any_number);

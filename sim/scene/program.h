@@ -46,8 +46,7 @@ struct ControlTableFile {
   dialects::ControlTable table;
 };
 
-/// A program from a file or from a generator, with the tool lengths and work offsets of the
-/// control.
+/// A program from a file or a generator, with the tool lengths and work offsets of the control.
 struct ProgramDescription {
   using File = ProgramFile;
   std::variant<File, program::Raster, program::Flank, program::Spiral> source;

@@ -70,9 +70,9 @@ class NameCollector {
   /// Adds the files from which nodes were read, and the data files that they name.
   void add_node_files(const Node& node) {
     // Values from the command line have no file.
-    if (node.place.file && !node.place.from_command_line &&
-        source_files_.insert(*node.place.file).second)
-      add_file(*node.place.file);
+    if (node.position.file && !node.position.from_command_line &&
+        source_files_.insert(*node.position.file).second)
+      add_file(*node.position.file);
     if (const Node::Array* array = node.array())
       for (const Node& element : *array) add_node_files(element);
     if (const Node::Table* table = node.table())
@@ -120,8 +120,9 @@ std::optional<ProgramReference> named_program(const Node& node) {
   const std::string* text = node.text();
   if (!text || text->find_first_of("./") == std::string::npos) return std::nullopt;
   try {
-    return ProgramReference{plug_in_case(*text).plug_in, node.place.file ? *node.place.file : "",
-                            node.place.line, node.place.column, node.place.from_command_line};
+    return ProgramReference{plug_in_case(*text).plug_in,
+                            node.position.file ? *node.position.file : "", node.position.line,
+                            node.position.column, node.position.from_command_line};
   } catch (const std::invalid_argument&) {
     return std::nullopt;  // the reader of the cases reports the error
   }
@@ -142,7 +143,7 @@ void check_several_tools(TableReader& reader, const Scene& scene) {
                                      const std::string& expected) {
     const Node* node = section ? section->find(key) : nullptr;
     if (node)
-      reader.input_errors().add(node->place, expected,
+      reader.input_errors().add(node->position, expected,
                                 fmt::format("{} tools", 1 + scene.additional_tools.size()));
   };
   report_if_present(reader.accept_key("program"), "generator",
@@ -160,13 +161,13 @@ void check_tool_table(TableReader& reader, const Scene& scene) {
   if (!tools || !scene.program.tools) return;
   for (const ToolDescription& tool : all_tools(scene))
     if (!tool.number)
-      reader.input_errors().add(tools->place, "tool.number of every tool, as in the tool table",
+      reader.input_errors().add(tools->position, "tool.number of every tool, as in the tool table",
                                 "a tool without a number");
   const Node* control = reader.accept_key("control");
   const Node* length = control ? control->find("tool_length_mm") : nullptr;
   if (length)
     reader.input_errors().add(
-        length->place, "either tool_length_mm or program.tools, which has every length", "both");
+        length->position, "either tool_length_mm or program.tools, which has every length", "both");
 }
 
 // Checks that a generator can make a program for the tool and the part.
@@ -174,7 +175,7 @@ void check_generator(const Node& generator, const Scene& scene, InputErrors& inp
   const bool is_turning = std::holds_alternative<cutting::Nose>(scene.tool.nominal);
   const auto* primitive = std::get_if<cutting::Primitive>(&scene.part.shape);
   const auto require = [&](bool condition, const char* expected) {
-    if (!condition) input_errors.add(generator.place, expected, display_text(generator));
+    if (!condition) input_errors.add(generator.position, expected, display_text(generator));
   };
   if (std::holds_alternative<program::Spiral>(scene.program.source)) {
     require(is_turning, "a turning tool for this generator");
@@ -200,7 +201,7 @@ void check_consistency(TableReader& reader, const Scene& scene) {
   // A turning tool cuts only if a spindle next to w turns the workpiece.
   if (std::holds_alternative<cutting::Nose>(scene.tool.nominal) && tool && !joints.empty() &&
       (joints.front().name != 'S' || joints.front().motion != kinematics::Motion::Rotary)) {
-    reader.input_errors().add(tool->place,
+    reader.input_errors().add(tool->position,
                               "a milling cutter, or a machine with the spindle S' next to w",
                               "a turning tool");
   }

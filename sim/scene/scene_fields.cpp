@@ -179,7 +179,7 @@ std::optional<ThermalDescription> read_heat(TableReader& reader, const Key& ther
       const bool is_other_room = entry.key.starts_with("room") && !reader.has(entry.key);
       return entry.key == key || (key != "history" && is_other_room);
     });
-    merged_section->table()->push_back({key, scene_value->place, *scene_value});
+    merged_section->table()->push_back({key, scene_value->position, *scene_value});
   }
   if (!merged_section) return std::nullopt;
   return read_thermal(*merged_section, scene.machine, scene.seed, reader.input_errors());
@@ -372,8 +372,8 @@ const Fields<Scene>& title_scene_fields() {
       Fields<Scene>()
           .text(KeyName("title").with_fallback("name of the file"), &Scene::title,
                 "title of pictures and tables")
-          .whole("seed", &Scene::seed, 0, std::numeric_limits<std::int64_t>::max(),
-                 "seed of all random numbers");
+          .integer("seed", &Scene::seed, 0, std::numeric_limits<std::int64_t>::max(),
+                   "seed of all random numbers");
   return fields;
 }
 
@@ -405,11 +405,11 @@ const Fields<Scene>& judging_scene_fields() {
                        "clamping of the part");
     add_member_section(scene_fields, "datum", &Scene::datum, datum_fields(),
                        "how the control finds the part");
-    scene_fields.word("alignment", &Scene::alignment,
-                      {{"none", Alignment::None},
-                       {"offset", Alignment::Offset, "the mean"},
-                       {"rigid", Alignment::Rigid, "a displacement and a rotation"}},
-                      "part of the residual that is removed");
+    scene_fields.choice("alignment", &Scene::alignment,
+                        {{"none", Alignment::None},
+                         {"offset", Alignment::Offset, "the mean"},
+                         {"rigid", Alignment::Rigid, "a displacement and a rotation"}},
+                        "part of the residual that is removed");
     add_member_section(scene_fields, "sampling", whole_struct, sampling_fields(),
                        "resolution of the path");
     add_member_section(scene_fields, "search", whole_struct, search_fields(),

@@ -188,7 +188,7 @@ bool contains(const Range& range, double x) {
 bool check_magnitude(double x, const Node& node, const std::string& name,
                      InputErrors& input_errors) {
   if (std::abs(x) <= max_number) return true;
-  input_errors.add(node.place, fmt::format("{} within +-{:g}", name, max_number),
+  input_errors.add(node.position, fmt::format("{} within +-{:g}", name, max_number),
                    display_text(node));
   return false;
 }
@@ -221,7 +221,7 @@ void TableReader::report_missing(const std::string& key, const std::string& kind
 void TableReader::report_invalid(const std::string& key, const std::string& expected,
                                  const std::string& seen) {
   const Node* node = accept_key(key);
-  input_errors_.add(node ? node->place : table_.place, expected, seen);
+  input_errors_.add(node ? node->position : table_.position, expected, seen);
 }
 
 std::optional<double> TableReader::finite_number(const Node& node, const std::string& key) {
@@ -232,11 +232,12 @@ std::optional<double> TableReader::finite_number(const Node& node, const std::st
     // TOML distinguishes integers from real numbers, but users write 5 for 5.0.
     value = double(*whole);
   } else {
-    input_errors_.add(node.place, "a number for " + qualified_name(key), display_text(node));
+    input_errors_.add(node.position, "a number for " + qualified_name(key), display_text(node));
     return std::nullopt;
   }
   if (!std::isfinite(value)) {
-    input_errors_.add(node.place, "a finite number for " + qualified_name(key), display_text(node));
+    input_errors_.add(node.position, "a finite number for " + qualified_name(key),
+                      display_text(node));
     return std::nullopt;
   }
   return value;
@@ -248,7 +249,7 @@ std::optional<double> TableReader::number_as_written(const std::string& key, con
   const std::optional<double> value = finite_number(*node, key);
   if (!value) return std::nullopt;
   if (!contains(range, *value)) {
-    input_errors_.add(node->place, fmt::format("{}{}", qualified_name(key), range_text(range)),
+    input_errors_.add(node->position, fmt::format("{}{}", qualified_name(key), range_text(range)),
                       display_text(*node));
     return std::nullopt;
   }
@@ -257,7 +258,7 @@ std::optional<double> TableReader::number_as_written(const std::string& key, con
   const bool is_divisor = range.min == 0.0 && range.open_min;
   const double min_magnitude = is_divisor ? min_divisor : min_number;
   if (*value != 0.0 && std::abs(*value) < min_magnitude) {
-    input_errors_.add(node->place,
+    input_errors_.add(node->position,
                       fmt::format("{} of at least {:g}{}", qualified_name(key), min_magnitude,
                                   is_divisor ? "" : ", or 0"),
                       display_text(*node));
@@ -290,7 +291,7 @@ std::optional<std::int64_t> TableReader::maybe_integer(const std::string& key, s
   if (!node) return std::nullopt;
   const std::int64_t* value = std::get_if<std::int64_t>(&node->value);
   if (!value || *value < min || *value > max) {
-    input_errors_.add(node->place,
+    input_errors_.add(node->position,
                       fmt::format("an integer from {} to {} for {}", min, max, qualified_name(key)),
                       display_text(*node));
     return std::nullopt;
@@ -307,7 +308,8 @@ bool TableReader::boolean(const std::string& key, bool fallback) {
   const Node* node = accept_key(key);
   if (!node) return fallback;
   if (const bool* value = std::get_if<bool>(&node->value)) return *value;
-  input_errors_.add(node->place, "true or false for " + qualified_name(key), display_text(*node));
+  input_errors_.add(node->position, "true or false for " + qualified_name(key),
+                    display_text(*node));
   return fallback;
 }
 
@@ -315,7 +317,7 @@ std::string TableReader::text(const std::string& key, const std::string& fallbac
   const Node* node = accept_key(key);
   if (!node) return fallback;
   if (const std::string* value = node->text(); value && !value->empty()) return *value;
-  input_errors_.add(node->place, "a string for " + qualified_name(key), display_text(*node));
+  input_errors_.add(node->position, "a string for " + qualified_name(key), display_text(*node));
   return fallback;
 }
 
@@ -334,7 +336,7 @@ std::vector<std::string> TableReader::texts(const std::string& key) {
     if (element.text())
       texts.push_back(*element.text());
     else
-      input_errors_.add(element.place, "a string", display_text(element));
+      input_errors_.add(element.position, "a string", display_text(element));
   }
   return texts;
 }
@@ -346,7 +348,8 @@ std::optional<Eigen::VectorXd> TableReader::numbers_as_written(const std::string
   if (!array || array->empty() || (size > 0 && array->size() != std::size_t(size))) {
     const std::string expected =
         size > 0 ? fmt::format("an array of {} numbers", size) : std::string("an array of numbers");
-    input_errors_.add(node->place, expected + " for " + qualified_name(key), display_text(*node));
+    input_errors_.add(node->position, expected + " for " + qualified_name(key),
+                      display_text(*node));
     return std::nullopt;
   }
   Eigen::VectorXd values(Eigen::Index(array->size()));
@@ -387,7 +390,7 @@ Eigen::Vector3d TableReader::direction(const std::string& key, const Eigen::Vect
   // stableNorm() avoids the underflow of the square of a very small number.
   const double length = values->stableNorm();
   if (!(length > 1e-9)) {
-    input_errors_.add(table_.find(key)->place, "a nonzero direction for " + qualified_name(key),
+    input_errors_.add(table_.find(key)->position, "a nonzero direction for " + qualified_name(key),
                       "length " + to_toml_value(length));
     return fallback;
   }
@@ -415,14 +418,14 @@ std::optional<std::string> TableReader::word(const std::string& key,
     if (const auto suggestion = nearest(*text, choices))
       seen += " (nearest: \"" + *suggestion + "\")";
   }
-  input_errors_.add(node->place, list_text(choices) + " for " + qualified_name(key), seen);
+  input_errors_.add(node->position, list_text(choices) + " for " + qualified_name(key), seen);
   return std::nullopt;
 }
 
 const Node* TableReader::section(const std::string& key) {
   const Node* node = accept_key(key);
   if (!node || node->table()) return node;
-  input_errors_.add(node->place, "a table for " + qualified_name(key), display_text(*node));
+  input_errors_.add(node->position, "a table for " + qualified_name(key), display_text(*node));
   return nullptr;
 }
 
@@ -432,7 +435,7 @@ std::vector<const Node*> TableReader::tables(const std::string& key) {
   if (node->table()) return {node};
   std::vector<const Node*> list;
   if (!node->array()) {
-    input_errors_.add(node->place, "a list of tables for " + qualified_name(key),
+    input_errors_.add(node->position, "a list of tables for " + qualified_name(key),
                       display_text(*node));
     return list;
   }
@@ -440,7 +443,8 @@ std::vector<const Node*> TableReader::tables(const std::string& key) {
     if (element.table()) {
       list.push_back(&element);
     } else {
-      input_errors_.add(element.place, "a table in " + qualified_name(key), display_text(element));
+      input_errors_.add(element.position, "a table in " + qualified_name(key),
+                        display_text(element));
     }
   }
   return list;
@@ -457,25 +461,25 @@ void TableReader::close() {
           return key_without_unit(key) == key_without_unit(entry.key) && !table_.find(key);
         });
     if (key_with_same_stem != known_keys_.end()) {
-      input_errors_.add(entry.place,
+      input_errors_.add(entry.position,
                         fmt::format("{} in {}", qualified_name(*key_with_same_stem),
                                     unit_name(*key_with_same_stem)),
                         fmt::format("{} in {}", entry.key, unit_name(entry.key)));
       misspelled.insert(*key_with_same_stem);
     } else if (const auto suggestion = nearest(entry.key, known_keys_)) {
-      input_errors_.add(entry.place, "a known key (nearest: " + qualified_name(*suggestion) + ")",
-                        entry.key);
+      input_errors_.add(entry.position,
+                        "a known key (nearest: " + qualified_name(*suggestion) + ")", entry.key);
       // An unknown key within two edits is a misspelling; the missing key is not reported as well.
       if (edit_distance(entry.key, *suggestion) <= 2) misspelled.insert(*suggestion);
     } else {
-      input_errors_.add(entry.place,
+      input_errors_.add(entry.position,
                         section_name_.empty() ? "a known key" : "a known key of " + section_name_,
                         entry.key);
     }
   }
   for (const auto& [key, kind] : missing_keys_) {
     if (!misspelled.contains(key))
-      input_errors_.add(table_.place, kind + " for " + qualified_name(key), "nothing");
+      input_errors_.add(table_.position, kind + " for " + qualified_name(key), "nothing");
   }
   missing_keys_.clear();
 }

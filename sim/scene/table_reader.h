@@ -69,7 +69,7 @@ class TableReader {
   const Node& node() const { return table_; }
   /// Returns the name of a key in messages, such as "part.radius_mm".
   std::string qualified_name(const std::string& key) const;
-  const SourcePosition& place() const { return table_.place; }
+  const SourcePosition& position() const { return table_.position; }
   InputErrors& input_errors() const { return input_errors_; }
 
   double number(const std::string& key, const Range& range);  ///< required

@@ -200,15 +200,15 @@ void read_elements(TableReader& reader, ThermalDescription& thermal,
   for (const Node* table : reader.tables("element")) {
     const auto element = read_element(*table, context, reader.input_errors());
     if (!element) continue;
-    const SourcePosition& place = table->find("name")->place;
+    const SourcePosition& position = table->find("name")->position;
     if (std::any_of(elements.begin(), elements.end(),
                     [&](const auto& other) { return other.name == element->name; })) {
-      reader.input_errors().add(place, "each element once (all its terms in one list)",
+      reader.input_errors().add(position, "each element once (all its terms in one list)",
                                 to_string(element->name) + " again");
       continue;
     }
     // Each element is bound separately, so that an error is reported at its position.
-    check_binding({{*element}, {}, std::nullopt, 20.0}, context, place, reader.input_errors());
+    check_binding({{*element}, {}, std::nullopt, 20.0}, context, position, reader.input_errors());
     elements.push_back(*element);
   }
 }
@@ -235,10 +235,10 @@ Fields<errors::AxisExpansion> axis_expansion_fields(const Nodes& nodes) {
   using errors::AxisExpansion;
   using errors::Feedback;
   return Fields<AxisExpansion>()
-      .word(required_key("feedback"), &AxisExpansion::feedback,
-            {{"motor", Feedback::Motor, "the growth of the screw has an effect and is required"},
-             {"scale", Feedback::Scale, "the growth of the scale has an effect and is required"}},
-            "where the position of the axis is measured")
+      .choice(required_key("feedback"), &AxisExpansion::feedback,
+              {{"motor", Feedback::Motor, "the growth of the screw has an effect and is required"},
+               {"scale", Feedback::Scale, "the growth of the scale has an effect and is required"}},
+              "where the position of the axis is measured")
       .table("screw", &AxisExpansion::screw, expansion_fields(nodes),
              "moves the carriage itself away from the fixed end")
       .table("scale", &AxisExpansion::scale, expansion_fields(nodes),
@@ -263,7 +263,7 @@ void read_axes(TableReader& reader, ThermalDescription& thermal, const ThermalCo
         axis_expansion_fields(context.nodes)
             .read_table(*table, axes_reader.qualified_name(name), input_errors, default_axis);
     if (input_errors.list().size() == error_count)
-      check_binding({{}, {axis}, std::nullopt, 20.0}, context, table->place, input_errors);
+      check_binding({{}, {axis}, std::nullopt, 20.0}, context, table->position, input_errors);
     thermal.errors.expansions.push_back(axis);
   }
   // If the machine is invalid, there are no joints, and every axis would be reported as unknown.
@@ -305,7 +305,7 @@ void read_workpiece(TableReader& reader, ThermalDescription& thermal,
   const auto workpiece = workpiece_expansion_fields(context.nodes)
                              .read_table(*table, "thermal.workpiece", input_errors);
   if (input_errors.list().size() == error_count)
-    check_binding({{}, {}, workpiece, 20.0}, context, table->place, input_errors);
+    check_binding({{}, {}, workpiece, 20.0}, context, table->position, input_errors);
   thermal.errors.workpiece = workpiece;
 }
 
@@ -520,7 +520,7 @@ void read_plots(TableReader& reader, ThermalDescription& thermal, const ThermalC
         plot_fields(context, thermal.plots).read_table(*table, "thermal.plot", input_errors);
     if (input_errors.list().size() != error_count) continue;
     check_binding({{{plot.element, {}, {}, 0.0}}, {}, std::nullopt, 20.0}, context,
-                  table->find("element")->place, input_errors);
+                  table->find("element")->position, input_errors);
     thermal.plots.push_back(plot);
   }
 }

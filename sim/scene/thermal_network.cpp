@@ -16,14 +16,14 @@ std::array<std::string, 3> in_time_units(const std::string& stem) {
 }
 
 /// Reports a node that is not in the network.
-void report_unknown_node(const SourcePosition& place, const std::string& expected,
+void report_unknown_node(const SourcePosition& position, const std::string& expected,
                          const std::string& name, const std::vector<std::string>& nodes,
                          InputErrors& input_errors) {
   std::set<std::string> names(nodes.begin(), nodes.end());
   // A node without a name has an empty one, which must not be suggested.
   names.erase("");
   const auto suggestion = nearest(name, names);
-  input_errors.add(place, expected,
+  input_errors.add(position, expected,
                    "\"" + name + "\"" + (suggestion ? " (nearest: \"" + *suggestion + "\")" : ""));
 }
 
@@ -47,13 +47,13 @@ std::string named_table_path(const std::string& list, const Node& table) {
 }
 
 void check_binding(const errors::ThermalErrors& effect, const ThermalContext& context,
-                   const SourcePosition& place, InputErrors& input_errors) {
+                   const SourcePosition& position, InputErrors& input_errors) {
   // If the machine or the nodes are invalid, which is reported already, every binding would fail.
   if (!context.chain || context.nodes.empty()) return;
   try {
     errors::bind(effect, *context.chain, int(context.nodes.size()));
   } catch (const std::invalid_argument& error) {
-    input_errors.add(place, "thermal errors that fit the machine", error.what());
+    input_errors.add(position, "thermal errors that fit the machine", error.what());
   }
 }
 
@@ -91,7 +91,7 @@ int read_node(TableReader& reader, const std::string& key, const std::vector<std
   if (name.empty()) return 0;
   const auto node = std::find(nodes.begin(), nodes.end(), name);
   if (node != nodes.end()) return int(node - nodes.begin());
-  report_unknown_node(reader.accept_key(key)->place, "a node of the thermal network for " + key,
+  report_unknown_node(reader.accept_key(key)->position, "a node of the thermal network for " + key,
                       name, nodes, reader.input_errors());
   return 0;
 }
@@ -372,7 +372,7 @@ std::optional<End> read_end(const Node& node, const std::vector<std::string>& no
   if (name == "coolant") return End(Surroundings::Coolant);
   const auto position = std::find(nodes.begin(), nodes.end(), name);
   if (position != nodes.end()) return End(int(position - nodes.begin()));
-  report_unknown_node(node.place, "a node of the thermal network, \"room\" or \"coolant\"", name,
+  report_unknown_node(node.position, "a node of the thermal network, \"room\" or \"coolant\"", name,
                       nodes, input_errors);
   return std::nullopt;
 }
@@ -550,7 +550,7 @@ Fields<errors::HeatSource> source_node_fields(const std::vector<std::string>& no
 /// Returns true if the table states a valid kind; else reports the error.
 bool has_kind(TableReader& reader, const Fields<errors::HeatSource>& law) {
   if (reader.has("kind")) return bool(reader.word("kind", choice_names(law.keys().front()), false));
-  reader.input_errors().add(reader.place(), "a kind of heat for thermal.source.kind", "nothing");
+  reader.input_errors().add(reader.position(), "a kind of heat for thermal.source.kind", "nothing");
   return false;
 }
 
@@ -608,7 +608,7 @@ void check_network(const errors::ThermalNetwork& network, TableReader& reader) {
   // Heat could enter an isolated node but never leave it.
   if (const auto node = errors::isolated_node(network)) {
     const Node* table = reader.tables("node")[std::size_t(*node)];
-    reader.input_errors().add(table->place,
+    reader.input_errors().add(table->position,
                               "links through which heat reaches the room from thermal.node." +
                                   network.nodes[std::size_t(*node)].name,
                               "none");
@@ -619,7 +619,7 @@ void check_network(const errors::ThermalNetwork& network, TableReader& reader) {
     // One step without activity is simulated, because the simulation validates the network.
     errors::simulate(network, {&idle_activity, 1});
   } catch (const std::invalid_argument& error) {
-    reader.input_errors().add(reader.place(), "a valid thermal network", error.what());
+    reader.input_errors().add(reader.position(), "a valid thermal network", error.what());
   }
 }
 

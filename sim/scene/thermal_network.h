@@ -33,7 +33,7 @@ std::string named_table_path(const std::string& list, const Node& table);
 
 /// Checks that a single thermal effect fits the machine, and reports an error at its position.
 void check_binding(const errors::ThermalErrors& effect, const ThermalContext& context,
-                   const SourcePosition& place, InputErrors& input_errors);
+                   const SourcePosition& position, InputErrors& input_errors);
 
 /// Reports a name that another table of the list has.
 /// @param used_names  names of the other tables

@@ -28,9 +28,9 @@ SourcePosition place_at(std::string_view text, std::size_t offset, const std::st
   return {std::make_shared<const std::string>(file), int(line), int(column)};
 }
 
-[[noreturn]] void throw_at(const SourcePosition& place, const std::string& expected,
+[[noreturn]] void throw_at(const SourcePosition& position, const std::string& expected,
                            const std::string& seen) {
-  throw BadInput(*place.file, place.line, place.column, expected, seen);
+  throw BadInput(*position.file, position.line, position.column, expected, seen);
 }
 
 // Throws an input error for very long dotted keys. toml++ limits the nesting of brackets but not
@@ -103,11 +103,11 @@ class TomlConverter {
 
   Node node(const ::toml::node& from, int depth) const {
     if (depth > max_nesting) {
-      throw_at(place(from.source()),
+      throw_at(position(from.source()),
                fmt::format("at most {} levels of tables and arrays", max_nesting), "more");
     }
     Node node;
-    node.place = place(from.source());
+    node.position = position(from.source());
     from.visit([&](const auto& value) { node.value = convert(value, depth); });
     return node;
   }
@@ -115,7 +115,7 @@ class TomlConverter {
  private:
   using Value = decltype(Node::value);
 
-  SourcePosition place(const ::toml::source_region& source) const {
+  SourcePosition position(const ::toml::source_region& source) const {
     return {file_, int(source.begin.line), int(source.begin.column)};
   }
   Value convert(const ::toml::value<bool>& v, int) const { return *v; }
@@ -139,10 +139,11 @@ class TomlConverter {
     Node::Table table;
     table.reserve(from.size());
     for (const auto& [key, element] : from) {
-      table.push_back({std::string(key.str()), place(key.source()), node(element, depth + 1)});
+      table.push_back({std::string(key.str()), position(key.source()), node(element, depth + 1)});
     }
     std::stable_sort(table.begin(), table.end(), [](const Node::Entry& a, const Node::Entry& b) {
-      return std::pair(a.place.line, a.place.column) < std::pair(b.place.line, b.place.column);
+      return std::pair(a.position.line, a.position.column) <
+             std::pair(b.position.line, b.position.column);
     });
     return table;
   }
@@ -348,9 +349,10 @@ std::string display_text(const Node& node) {
   return text;
 }
 
-void InputErrors::add(const SourcePosition& place, const std::string& expected,
+void InputErrors::add(const SourcePosition& position, const std::string& expected,
                       const std::string& seen) {
-  add(BadInput(place.file ? *place.file : "", place.line, place.column, expected, seen));
+  add(BadInput(position.file ? *position.file : "", position.line, position.column, expected,
+               seen));
 }
 
 namespace {

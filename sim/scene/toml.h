@@ -11,10 +11,11 @@
 
 #include "kinematics/bad_input.h"
 
-/// Reads TOML text into a tree of plain values, each with its position, and writes such a tree.
+/// Reads TOML text into a tree of plain values with their positions, writes such a tree, and
+/// collects the errors of a scene with their positions.
 namespace abbe::sim {
 
-/// A position in a file. Line and column count from 1; 0 means unknown.
+/// A position in a file. Lines and columns are counted from 1; 0 means unknown.
 struct SourcePosition {
   std::shared_ptr<const std::string> file;
   int line = 0;
@@ -22,8 +23,7 @@ struct SourcePosition {
   bool from_command_line = false;  ///< the value is from the command line, not from a file
 };
 
-/// A TOML date or time. No key accepts one; it is kept only so that the error can report its
-/// position.
+/// A TOML date or time. No key accepts one; it is kept only for the position of the input error.
 struct TomlDate {
   std::string text;
 };
@@ -33,7 +33,7 @@ struct Node {
   struct Entry;
   using Table = std::vector<Entry>;  ///< in the order of the file
   using Array = std::vector<Node>;
-  SourcePosition place;
+  SourcePosition position;
   std::variant<bool, std::int64_t, double, std::string, Array, Table, TomlDate> value;
 
   const Table* table() const { return std::get_if<Table>(&value); }
@@ -48,15 +48,15 @@ struct Node {
 };
 struct Node::Entry {
   std::string key;
-  SourcePosition place;  ///< position of the key
+  SourcePosition position;  ///< position of the key
   Node node;
 };
 
 inline constexpr std::uintmax_t max_toml_bytes = std::uintmax_t(16) << 20;
 
 /// Parses a TOML text, with or without byte order mark and CRLF.
-/// @throws BadInput with the position of a syntax error, a repeated key, a NUL, text that is not
-///         UTF-8, more than 16 MiB, or nesting beyond 100 levels
+/// @throws BadInput with the position of a syntax error, a repeated key, a NUL character, text that
+///         is not UTF-8, more than 16 MiB, or nesting beyond 100 levels
 Node parse_toml(std::string_view text, const std::string& file);
 
 /// Reads and parses a TOML file.
@@ -81,7 +81,7 @@ std::string display_text(const Node& node);
 class InputErrors : public InputErrorList {
  public:
   using InputErrorList::add;
-  void add(const SourcePosition& place, const std::string& expected, const std::string& seen);
+  void add(const SourcePosition& position, const std::string& expected, const std::string& seen);
 };
 
 /// Thrown with all input errors of a scene. `what()` has one line

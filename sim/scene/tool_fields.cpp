@@ -71,7 +71,7 @@ Fields<Nose> nose_fields(ToolKeyFunction tool_key) {
 
 Fields<NoseWave> wave_fields() {
   return Fields<NoseWave>()
-      .whole(required_key("order"), &NoseWave::order, 1, 1000, "number of waves in a full turn")
+      .integer(required_key("order"), &NoseWave::order, 1, 1000, "number of waves in a full turn")
       .number(required_key("amplitude_um"), &NoseWave::amplitude, any_number,
               "amplitude of the wave, outwards")
       .number("phase_deg", &NoseWave::phase, any_number,
@@ -149,13 +149,13 @@ Fields<ToolWear> wear_fields() {
 
 /// A kind of tool, with the fields of the nominal and of the actual tool.
 struct ToolKind {
-  EnumChoice word;
+  EnumChoice selector;
   Fields<ToolDescription> nominal, actual;
 };
 
 ToolKind make_tool_kind(const char* word, const char* sentence) {
   ToolKind kind{{word, sentence, {}}, nominal_fields(word), actual_fields(word)};
-  kind.word.keys = kind.nominal.keys();
+  kind.selector.keys = kind.nominal.keys();
   return kind;
 }
 
@@ -180,13 +180,13 @@ const std::vector<ToolKind>& tool_kinds() {
 /// Returns a kind by its name; the first kind if the name is unknown.
 const ToolKind& tool_kind_by_name(const std::string& word) {
   for (const ToolKind& kind : tool_kinds())
-    if (kind.word.word == word) return kind;
+    if (kind.selector.word == word) return kind;
   return tool_kinds().front();
 }
 
 const ToolKind& read_tool_kind(TableReader& reader) {
   std::set<std::string> choices;
-  for (const ToolKind& kind : tool_kinds()) choices.insert(kind.word.word);
+  for (const ToolKind& kind : tool_kinds()) choices.insert(kind.selector.word);
   return tool_kind_by_name(reader.word("kind", choices, true).value_or(""));
 }
 
@@ -239,7 +239,7 @@ void check_flank(TableReader& reader, const Node& table, const std::string& sect
   const Node* reported_node = flank ? flank : table.find("length_mm");
   if (!reported_node) return;
   reader.input_errors().add(
-      reported_node->place,
+      reported_node->position,
       flank ? fmt::format("at most the length of the tool, {:g} mm, for {}.flank_length_mm", length,
                           section_name)
             : fmt::format("at least the length of the flank, {:g} mm, for {}.length_mm",
@@ -255,10 +255,10 @@ void check_flanks(TableReader& reader, ToolDescription& tool) {
   const auto has_input_errors = [&](const Node* table) {
     if (!table) return false;
     return std::ranges::any_of(*table->table(), [&](const Node::Entry& entry) {
-      const SourcePosition& place = entry.node.place;
+      const SourcePosition& position = entry.node.position;
       return std::ranges::any_of(reader.input_errors().list(), [&](const BadInput& error) {
-        return error.file == *place.file && error.line == place.line &&
-               error.column == place.column;
+        return error.file == *position.file && error.line == position.line &&
+               error.column == position.column;
       });
     });
   };
@@ -277,7 +277,7 @@ void check_holder(TableReader& reader, ToolDescription& tool) {
   if (lower_end_mm > 0.0) return;
   const Node* heights_node = reader.node().find("holder")->find("heights_mm");
   reader.input_errors().add(
-      heights_node->place,
+      heights_node->position,
       "heights above 0 for tool.holder.heights_mm, measured upwards from the tip: the tip is "
       "outside the holder",
       fmt::format("a holder that begins {}",
@@ -287,7 +287,7 @@ void check_holder(TableReader& reader, ToolDescription& tool) {
 
 Key tool_kind_key() {
   Key kind = make_key(required_key("kind"), Key::Kind::Text, "kind of tool");
-  for (const ToolKind& tool_kind : tool_kinds()) kind.choices.push_back(tool_kind.word);
+  for (const ToolKind& tool_kind : tool_kinds()) kind.choices.push_back(tool_kind.selector);
   return kind;
 }
 
@@ -314,7 +314,7 @@ const Fields<ToolDescription>& tool_fields() {
                 tool = read_tool_kind(reader).nominal.read(reader, std::move(tool));
               },
               [](const Tool& tool, Node::Table& table) {
-                put_value(table, "kind", find_tool_kind(tool).word.word);
+                put_value(table, "kind", find_tool_kind(tool).selector.word);
                 append_entries(table, find_tool_kind(tool).nominal.to_table(tool));
               })
           .number(required_key("length_mm"), &Tool::length, tool_length,
@@ -326,9 +326,9 @@ const Fields<ToolDescription>& tool_fields() {
                   "for the warning of a shank in the design")
           .table(KeyName("holder").with_fallback("none"), &Tool::holder,
                  profile_fields("from the tip"), "a body of revolution, for collision checks")
-          .whole(KeyName("number").with_fallback("none: a warning is given for every call"),
-                 &Tool::number, 0, 999'999,
-                 "T number by which a program calls it; a call of any other number is rejected")
+          .integer(KeyName("number").with_fallback("none: a warning is given for every call"),
+                   &Tool::number, 0, 999'999,
+                   "T number by which a program calls it; a call of any other number is rejected")
           .derive([](Tool& tool) {
             // The table `actual` states differences from the nominal tool only.
             tool.actual = tool.nominal;
@@ -375,18 +375,18 @@ bool turns_workpiece(const ToolDescription& tool) {
 /// Checks the number and the type of one of several tools.
 /// @param tools  the preceding tools
 void check_tool_numbers(const std::vector<ToolDescription>& tools, const ToolDescription& tool,
-                        const SourcePosition& place, InputErrors& input_errors) {
+                        const SourcePosition& position, InputErrors& input_errors) {
   if (!tool.number) {
-    input_errors.add(place, "tool.number for each of several tools", "a tool without a number");
+    input_errors.add(position, "tool.number for each of several tools", "a tool without a number");
     return;
   }
   for (const ToolDescription& other : tools) {
     if (other.number == tool.number)
-      input_errors.add(place, "a tool.number that no other tool has",
+      input_errors.add(position, "a tool.number that no other tool has",
                        std::to_string(*tool.number) + " again");
     // Blank and simulation are either those of milling or those of turning.
     if (turns_workpiece(other) != turns_workpiece(tool))
-      input_errors.add(place, "tools that are all for milling or all for turning",
+      input_errors.add(position, "tools that are all for milling or all for turning",
                        "one of each kind");
   }
 }
@@ -415,7 +415,7 @@ void report_point_error(TableReader& reader, const PointKeys& keys,
   const bool has_entry = list && list->array() && entry < list->array()->size();
   const ExpectedAndSeen message = parse_message(error.what());
   reader.input_errors().add(
-      has_entry ? (*list->array())[entry].place : reader.place(),
+      has_entry ? (*list->array())[entry].position : reader.position(),
       fmt::format("{} for {}, entry {}", message.expected, reader.qualified_name(key), entry + 1),
       message.seen);
 }
@@ -433,7 +433,7 @@ std::vector<ToolDescription> read_tools(const Node& section, InputErrors& input_
   if (section.table()) return {read_tool(section, input_errors)};
   const Node::Array* list = section.array();
   if (!list || list->empty()) {
-    input_errors.add(section.place, "a table, a file or a list of them for tool",
+    input_errors.add(section.position, "a table, a file or a list of them for tool",
                      display_text(section));
     return {ToolDescription{}};
   }
@@ -442,13 +442,13 @@ std::vector<ToolDescription> read_tools(const Node& section, InputErrors& input_
     if (node.text()) continue;  // the file is invalid, which is reported
     const std::size_t error_count = input_errors.list().size();
     if (!node.table()) {
-      input_errors.add(node.place, "a table or a file for tool", display_text(node));
+      input_errors.add(node.position, "a table or a file for tool", display_text(node));
       continue;
     }
     ToolDescription tool = read_tool(node, input_errors);
     // A single tool needs no number.
     if (list->size() > 1 && input_errors.list().size() == error_count)
-      check_tool_numbers(tools, tool, node.place, input_errors);
+      check_tool_numbers(tools, tool, node.position, input_errors);
     tools.push_back(std::move(tool));
   }
   // Reading of the scene continues after an error, and later sections need a tool.

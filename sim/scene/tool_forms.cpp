@@ -166,7 +166,7 @@ cutting::Cutter make_cutter(const Form& form) {
 
 void report_tool_error(TableReader& reader, const std::invalid_argument& error) {
   const ExpectedAndSeen message = parse_message(error.what());
-  reader.input_errors().add(reader.place(), message.expected + " for tool", message.seen);
+  reader.input_errors().add(reader.position(), message.expected + " for tool", message.seen);
 }
 
 void report_apt_error(TableReader& reader, const AptForm&, const std::invalid_argument& error) {
@@ -302,7 +302,7 @@ Nose make_edge_nose(const Points& points) {
 }
 
 void report_insert_error(TableReader& reader, const Insert&, const std::invalid_argument& error) {
-  reader.input_errors().add(reader.place(), "a valid turning insert", error.what());
+  reader.input_errors().add(reader.position(), "a valid turning insert", error.what());
 }
 
 void report_edge_error(TableReader& reader, const Points& points,

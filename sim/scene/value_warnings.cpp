@@ -155,8 +155,7 @@ constexpr std::array<std::string_view, 3> changes{"study", "variant", "set"};
 /// kelvin are higher: 20 deg C is 68 F and 293 K.
 constexpr double min_plausible_C = -40.0, max_plausible_C = 60.0, max_plausible_F = 200.0;
 
-/// Total travels. Only a piezo stage has a travel of a few mm, and no machine axis has one of 100
-/// m.
+/// Total travels. Only a piezo stage moves by just a few mm, and no machine axis moves by 100 m.
 constexpr double min_plausible_travel_mm = 5.0, max_plausible_travel_mm = 1e5;
 // In radians, +-110 deg is a travel of 3.8, and +-360 deg one of 12.6. A travel below 13 deg is
 // therefore in radians; no rotary table turns so little.
@@ -234,9 +233,9 @@ std::string plausible_text(std::string_view key) {
   return fmt::format("{:g} to {:g}{}", range->low, range->high, unit_text);
 }
 
-std::string location_text(const SourcePosition& place) {
-  if (!place.file || place.file->empty() || place.line == 0) return {};
-  return fmt::format("{}:{}:{}: ", *place.file, place.line, place.column);
+std::string location_text(const SourcePosition& position) {
+  if (!position.file || position.file->empty() || position.line == 0) return {};
+  return fmt::format("{}:{}:{}: ", *position.file, position.line, position.column);
 }
 
 std::optional<double> node_number(const Node& node) {
@@ -255,14 +254,14 @@ struct Finding {
 class NumberVisitor {
  public:
   void visit(const Node& node, const std::string& key) {
-    if (const auto value = node_number(node)) return visit_number(*value, node.place, key);
+    if (const auto value = node_number(node)) return visit_number(*value, node.position, key);
     if (const Node::Table* table = node.table())
       for (const Node::Entry& entry : *table) {
         const std::string inner = key.empty() ? entry.key : key + "." + entry.key;
         if (std::ranges::find(changes, inner) == changes.end()) visit(entry.node, inner);
       }
     if (const Node::Array* array = node.array()) {
-      visit_travel(*array, node.place, key);
+      visit_travel(*array, node.position, key);
       // Arrays of numbers may be long, so the range of their key is looked up first.
       if (!array->empty() && node_number(array->front()) && !has_plausible_range(key)) return;
       for (const Node& element : *array) visit(element, key);
@@ -291,15 +290,16 @@ class NumberVisitor {
       ++entry->second.further_count;
   }
 
-  void visit_number(double value, const SourcePosition& place, const std::string& key) {
+  void visit_number(double value, const SourcePosition& position, const std::string& key) {
     const std::string mistake = probable_mistake(key, value);
     if (!mistake.empty())
-      add(key, fmt::format("{}{} is {:.6g}: looks like {}; expected {}", location_text(place), key,
-                           value, mistake, plausible_text(key)));
+      add(key, fmt::format("{}{} is {:.6g}: looks like {}; expected {}", location_text(position),
+                           key, value, mistake, plausible_text(key)));
   }
 
   /// Examines the length of a travel, because its ends may be near zero.
-  void visit_travel(const Node::Array& ends, const SourcePosition& place, const std::string& key) {
+  void visit_travel(const Node::Array& ends, const SourcePosition& position,
+                    const std::string& key) {
     const std::string_view name = last_key(key);
     if (ends.size() != 2 || !name.starts_with("travel_")) return;
     const auto min = node_number(ends[0]), max = node_number(ends[1]);
@@ -312,7 +312,7 @@ class NumberVisitor {
     if (!is_short && (is_rotary || travel <= max_plausible_travel_mm)) return;
     add(key,
         fmt::format(
-            "{}{} is {:.6g} long: looks like {}; expected {}", location_text(place), key, travel,
+            "{}{} is {:.6g} long: looks like {}; expected {}", location_text(position), key, travel,
             is_rotary  ? "radians"
             : is_short ? "m"
                        : "um",

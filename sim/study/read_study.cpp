@@ -152,13 +152,13 @@ void check_inputs(const Study& study, TableReader& reader) {
                             !study.sweeps.empty() || study.worst_case || study.tolerance ||
                             study.uncertainty || !study.histories;
   if (study.inputs.empty() && needs_inputs)
-    reader.input_errors().add(reader.place(), "at least one [[input]] or [[inputs]]", "none");
+    reader.input_errors().add(reader.position(), "at least one [[input]] or [[inputs]]", "none");
   // Each of the 1800 inputs takes two of the 3600 dimensions of the sequence.
   if (study.sobol && study.inputs.size() > 1800)
     reader.report_invalid("sobol_indices", "at most 1800 inputs",
                           std::to_string(study.inputs.size()));
   if (const std::uint64_t cases = make_plan(study).cases; cases > max_cases)
-    reader.input_errors().add(reader.place(), fmt::format("at most {} cases in all", max_cases),
+    reader.input_errors().add(reader.position(), fmt::format("at most {} cases in all", max_cases),
                               std::to_string(cases));
 }
 
@@ -215,7 +215,7 @@ void check_consistency(const Study& study, const std::vector<Scene>& scenes,
   check_inputs(study, reader);
 }
 
-/// Sets every path once in every configuration, so that an error is reported before any case is
+/// Sets every path once in every configuration, so that errors are reported before any case is
 /// computed.
 void check_paths(const Study& study, const std::vector<Scene>& scenes,
                  const std::vector<SourcePosition>& locations, InputErrors& input_errors) {
@@ -234,7 +234,8 @@ void check_days(const Study& study, TableReader& reader) {
     for (const std::string& day : days) base_scene(study, {day, day, "uncompensated"});
   } catch (const BadScene& exception) {
     for (const BadInput& error : exception.input_errors)
-      reader.input_errors().add(reader.accept_key("histories")->place, error.expected, error.seen);
+      reader.input_errors().add(reader.accept_key("histories")->position, error.expected,
+                                error.seen);
   } catch (const BadInput& error) {
     reader.report_invalid("histories", error.expected, error.seen);
   }
@@ -386,8 +387,8 @@ void StudyReader::read_declared_inputs() {
     study_.copula = Copula(int(study_.inputs.size()), declared.correlations);
   } catch (const std::invalid_argument& error) {
     const Node* correlation = reader_.accept_key("correlation");
-    input_errors_.add(correlation ? correlation->place : reader_.place(), "valid correlations",
-                      error.what());
+    input_errors_.add(correlation ? correlation->position : reader_.position(),
+                      "valid correlations", error.what());
   }
 }
 
@@ -470,7 +471,7 @@ Study read_study(const std::filesystem::path& file, const std::vector<Override>&
                              "a scene, which is run by abbe run and abbe compare")});
   tree = apply_changes(std::move(tree), overrides, file.parent_path(), input_errors);
   if (Node* scene = tree.find("scene"); scene && scene->text())
-    scene->value = std::filesystem::absolute(locate_file({*scene->text(), scene->place, ""},
+    scene->value = std::filesystem::absolute(locate_file({*scene->text(), scene->position, ""},
                                                          file.parent_path(), input_errors))
                        .string();
   Study study = StudyReader(tree, file, input_errors).read();

@@ -78,13 +78,13 @@ Fields<ResponseLimits> limit_fields() {
 
 Fields<Tolerance> tolerance_fields() {
   return Fields<Tolerance>()
-      .word("response", &Tolerance::response, {{"pv", Response::Pv}, {"rms", Response::Rms}},
-            "figure of the map that is limited")
+      .choice("response", &Tolerance::response, {{"pv", Response::Pv}, {"rms", Response::Rms}},
+              "figure of the map that is limited")
       .number(required_key("limit_um"), &Tolerance::limit, positive, "limit of that figure")
       .number("confidence", &Tolerance::confidence, confidence_range,
               "fraction of the machines within it")
-      .whole("machines", &Tolerance::machines, 200, 1'000'000,
-             "random machines from which the spreads are found; as many new ones verify them");
+      .integer("machines", &Tolerance::machines, 200, 1'000'000,
+               "random machines from which the spreads are found; as many new ones verify them");
 }
 
 /// Evenly spaced values of a sweep whose values are not listed.
@@ -99,7 +99,7 @@ const Fields<ValueRange>& value_range_fields() {
           .number(required_key("from"), &ValueRange::from, any_number,
                   "first value, unless `values` are given")
           .number(required_key("to"), &ValueRange::to, any_number, "last value")
-          .whole("steps", &ValueRange::steps, 2, 10000, "number of values from `from` to `to`")
+          .integer("steps", &ValueRange::steps, 2, 10000, "number of values from `from` to `to`")
           .check([](TableReader& reader, ValueRange& value_range) {
             if (!std::isfinite(value_range.to - value_range.from))
               reader.report_invalid("to", "a range of finite length",
@@ -133,7 +133,7 @@ void read_sweep(const Node& node, Study& study, InputErrors& input_errors) {
   }
   reader.close();
   if (study.sweeps.size() == max_sweeps)
-    input_errors.add(node.place, fmt::format("at most {} sweeps", max_sweeps), "more");
+    input_errors.add(node.position, fmt::format("at most {} sweeps", max_sweeps), "more");
   if (study.sweeps.size() < max_sweeps) study.sweeps.push_back(std::move(sweep));
 }
 
@@ -164,10 +164,10 @@ Fields<InfluenceOptions> influence_fields() {
   return Fields<Options>()
       .number("reach_um", &Options::reach, positive,
               "tool passes within this distance of the first are kept")
-      .whole("most_rivals", &Options::max_competing_passes, 1, 64,
-             "largest number of passes kept at a vertex")
-      .whole("checks", &Options::checks, 0, 1000,
-             "random machines that are cut to find where the maps fail")
+      .integer("most_rivals", &Options::max_competing_passes, 1, 64,
+               "largest number of passes kept at a vertex")
+      .integer("checks", &Options::checks, 0, 1000,
+               "random machines that are cut to find where the maps fail")
       .number("flag_um", &Options::flag_threshold, positive,
               "a vertex that differs by more in one of them is flagged")
       .boolean("sheet", &Options::has_overview_sheet, "all inputs on one sheet")
@@ -204,18 +204,19 @@ void check_pictures(TableReader& reader, Study& study) {
 const Fields<Study>& engine_fields() {
   static const Fields<Study> fields =
       Fields<Study>()
-          .word("engine", &Study::engine,
-                {{"influence", Engine::Influence, "every machine is computed from influence maps"},
-                 {"full", Engine::Full,
-                  "every machine is cut; not for `[worst_case]`, `[tolerance]`, `[uncertainty]`"},
-                 {"both", Engine::Both,
-                  "influence maps; the first `proofs` machines of `[monte_carlo]`, which is "
-                  "required, are cut as well"}},
-                "how the cases are computed")
-          .whole("seed", &Study::seed, 0, std::numeric_limits<std::int64_t>::max(),
-                 "seed of all random numbers; `--seed`")
-          .whole("proofs", &Study::verification_cases, 1, max_cases,
-                 "machines that `both` cuts as well");
+          .choice(
+              "engine", &Study::engine,
+              {{"influence", Engine::Influence, "every machine is computed from influence maps"},
+               {"full", Engine::Full,
+                "every machine is cut; not for `[worst_case]`, `[tolerance]`, `[uncertainty]`"},
+               {"both", Engine::Both,
+                "influence maps; the first `proofs` machines of `[monte_carlo]`, which is "
+                "required, are cut as well"}},
+              "how the cases are computed")
+          .integer("seed", &Study::seed, 0, std::numeric_limits<std::int64_t>::max(),
+                   "seed of all random numbers; `--seed`")
+          .integer("proofs", &Study::verification_cases, 1, max_cases,
+                   "machines that `both` cuts as well");
   return fields;
 }
 
@@ -223,12 +224,12 @@ const Fields<Distribution>& distribution_fields() {
   using Kind = Distribution::Kind;
   static const Fields<Distribution> fields =
       Fields<Distribution>()
-          .word("distribution", &Distribution::kind,
-                {{"normal", Kind::Normal},
-                 {"uniform", Kind::Uniform},
-                 {"triangular", Kind::Triangular},
-                 {"log_normal", Kind::LogNormal}},
-                "shape of the distribution")
+          .choice("distribution", &Distribution::kind,
+                  {{"normal", Kind::Normal},
+                   {"uniform", Kind::Uniform},
+                   {"triangular", Kind::Triangular},
+                   {"log_normal", Kind::LogNormal}},
+                  "shape of the distribution")
           .number(KeyName("centre").with_fallback(
                       "for `path` the value in the scene, required if it states none (`setup`: 0); "
                       "for `number` 0, for `element` 1"),
@@ -264,10 +265,10 @@ const Fields<Study>& response_fields() {
                   "`\"texture_sa\"`, `\"texture_sq\"`, `\"texture_sz\"`; the areal filter of "
                   "`form_cutoff_mm` separates form from texture, at the part's own vertices")},
               read_responses, write_responses)
-          .word("of", &Study::subtracts_error_free_map,
-                {{"residual", false, "the map as judged in `summary.json`"},
-                 {"machine", true, "the map minus the error-free map"}},
-                "map that is judged")
+          .choice("of", &Study::subtracts_error_free_map,
+                  {{"residual", false, "the map as judged in `summary.json`"},
+                   {"machine", true, "the map minus the error-free map"}},
+                  "map that is judged")
           .table("limits", &Study::limits, limit_fields(), "limits of the requested `responses`");
   return fields;
 }
@@ -282,17 +283,17 @@ const Fields<Study>& analysis_fields() {
                "each input alone, to either side; tornado, root-sum-square and sum")
         .table("monte_carlo", &Study::monte_carlo,
                Fields<MonteCarlo>()
-                   .whole("cases", &MonteCarlo::cases, 2, max_cases, "number of random machines")
-                   .word("sampling", &MonteCarlo::sampling,
-                         {{"sobol", Sampling::Sobol,
-                           "fills the space evenly; its confidence intervals are conservative"},
-                          {"random", Sampling::Random}},
-                         "sampling method"),
+                   .integer("cases", &MonteCarlo::cases, 2, max_cases, "number of random machines")
+                   .choice("sampling", &MonteCarlo::sampling,
+                           {{"sobol", Sampling::Sobol,
+                             "fills the space evenly; its confidence intervals are conservative"},
+                            {"random", Sampling::Random}},
+                           "sampling method"),
                "random machines: mean, P95, P99 and fraction within the limit, each with its 95 % "
                "confidence interval; Cpk, correlations")
         .table("sobol_indices", &Study::sobol,
-               Fields<SobolAnalysis>().whole("base_points", &SobolAnalysis::base_points, 8, 1 << 24,
-                                             "base points, each with inputs + 2 cases"),
+               Fields<SobolAnalysis>().integer("base_points", &SobolAnalysis::base_points, 8,
+                                               1 << 24, "base points, each with inputs + 2 cases"),
                "fraction of a response's variance due to each input, alone and with its "
                "interactions; inputs must be independent, at most 1800")
         .custom_field(sweep.keys, sweep.read, sweep.write)
@@ -308,8 +309,8 @@ const Fields<Study>& analysis_fields() {
                Fields<Uncertainty>()
                    .number("confidence", &Uncertainty::confidence, confidence_range,
                            "confidence level of the interval")
-                   .whole("machines", &Uncertainty::machines, 100, 100'000,
-                          "number of random machines"),
+                   .integer("machines", &Uncertainty::machines, 100, 100'000,
+                            "number of random machines"),
                "standard deviation and confidence interval of the map, vertex by vertex")
         .table("influence", &Study::influence, influence_fields(),
                "how the influence maps are made, checked and shown")

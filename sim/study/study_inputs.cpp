@@ -247,17 +247,18 @@ struct InputGroup {
 const Fields<InputGroup>& input_group_fields() {
   static const Fields<InputGroup> fields =
       Fields<InputGroup>()
-          .word(required_key("every"), &InputGroup::every,
-                {{"element", InputSource::Element,
-                  "a factor for every element of the scene's errors: `centre` 0 and `spread` 1 "
-                  "treat the machine as it is as one standard deviation"},
-                 {"number", InputSource::Number,
-                  "every nonzero coefficient of their curves; `centre`, `spread`, `low` and `high` "
-                  "are multiples of it"},
-                 {"covariance", InputSource::Covariance,
-                  "every coefficient with an uncertainty in the covariance of a belief, "
-                  "correlations included; the scene's `errors` must be a belief"}},
-                "what the inputs are made from")
+          .choice(
+              required_key("every"), &InputGroup::every,
+              {{"element", InputSource::Element,
+                "a factor for every element of the scene's errors: `centre` 0 and `spread` 1 "
+                "treat the machine as it is as one standard deviation"},
+               {"number", InputSource::Number,
+                "every nonzero coefficient of their curves; `centre`, `spread`, `low` and `high` "
+                "are multiples of it"},
+               {"covariance", InputSource::Covariance,
+                "every coefficient with an uncertainty in the covariance of a belief, "
+                "correlations included; the scene's `errors` must be a belief"}},
+              "what the inputs are made from")
           .number(
               "cost", [](auto& group) -> auto& { return group.pattern.cost; }, positive,
               "cost of the present spread of each input");
@@ -392,7 +393,7 @@ void InputsReader::read_input(const Node& node) {
   if (lacks_centre)
     declared_.missing_centres.push_back({int(declared_.inputs.size()), paths.front(), nominal});
   reader.close();
-  add(std::move(input), node.place);
+  add(std::move(input), node.position);
 }
 
 /// Returns the number at the nominal key that corresponds to a path below `actual`, from the scene
@@ -432,12 +433,12 @@ Priors read_priors(TableReader& reader) {
       const bool has_unit = unit != std::string::npos &&
                             entry.key.substr(unit) == (name.is_angle() ? "_urad" : "_um");
       if (!has_unit || !spread || !(*spread >= 0.0 && *spread <= 1e6))
-        reader.input_errors().add(entry.place, expected + ", from 0 to 1e6",
+        reader.input_errors().add(entry.position, expected + ", from 0 to 1e6",
                                   entry.key + " = " + display_text(entry.node));
       else
         priors.spread[errors::to_string(name)] = *spread;
     } catch (const std::invalid_argument&) {
-      reader.input_errors().add(entry.place, expected, entry.key);
+      reader.input_errors().add(entry.position, expected, entry.key);
     }
   }
   return priors;
@@ -448,7 +449,7 @@ Priors read_priors(TableReader& reader) {
 void InputsReader::add_covariance(const Node& node, double cost, const Priors& priors) {
   if (scenes_.empty()) return;
   if (scenes_.front().geometric.covariance.of.empty()) {
-    input_errors_.add(node.place, "errors with a covariance, as written by `abbe identify`",
+    input_errors_.add(node.position, "errors with a covariance, as written by `abbe identify`",
                       "errors without a covariance");
     return;
   }
@@ -456,13 +457,13 @@ void InputsReader::add_covariance(const Node& node, double cost, const Priors& p
   try {
     belief = belief_inputs(scenes_.front(), priors);
   } catch (const std::invalid_argument& error) {
-    input_errors_.add(node.place, "priors of unidentified coefficients", error.what());
+    input_errors_.add(node.position, "priors of unidentified coefficients", error.what());
     return;
   }
   const int first = int(declared_.inputs.size());
   for (Input& input : belief.inputs) {
     input.cost = cost;
-    add(std::move(input), node.place);
+    add(std::move(input), node.position);
   }
   const Eigen::MatrixXd& S = belief.covariance;
   for (Eigen::Index a = 0; a < S.rows(); ++a)
@@ -499,9 +500,9 @@ void InputsReader::read_group(const Node& node) {
       reader.report_invalid("of", "elements that the scene has",
                             with_suggestion(name, known_names));
   if (group.every == InputSource::Element)
-    add_elements(group, node.place);
+    add_elements(group, node.position);
   else
-    add_coefficients(group, node.place);
+    add_coefficients(group, node.position);
 }
 
 /// Adds an input for every element of a group, which scales it.
@@ -547,7 +548,7 @@ void InputsReader::read_correlations() {
     const auto name = [&](int i) { return declared_.inputs[std::size_t(i)].name; };
     if (a == b) reader.report_invalid("second", "an input other than the first", name(b));
     if (!correlated_.insert(std::minmax(a, b)).second)
-      input_errors_.add(node->place, "each pair of inputs once",
+      input_errors_.add(node->position, "each pair of inputs once",
                         name(a) + " and " + name(b) + " again");
     declared_.correlations.push_back({a, b, rho});
   }

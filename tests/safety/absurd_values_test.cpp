@@ -207,8 +207,8 @@ std::vector<std::string> places_of(const Trial& trial) {
     const Node::Array* list = node->array();
     const std::size_t index = list ? std::size_t(std::atoi(part.c_str())) : 0;
     node = list ? (index < list->size() ? &(*list)[index] : nullptr) : node->find(part);
-    if (node && node->place.file)
-      places.push_back(*node->place.file + ":" + std::to_string(node->place.line) + ":");
+    if (node && node->position.file)
+      places.push_back(*node->position.file + ":" + std::to_string(node->position.line) + ":");
   }
   return places;
 }

@@ -73,7 +73,7 @@ TEST(Regions, KeysOfFacesAreReadAndWritten) {
   const PartDescription part = read_section(text, read_part);
   EXPECT_EQ(part.regions.at(0).group, "Fläche 1");
   EXPECT_EQ(part.regions.at(0).colour, (cutting::Rgb{255, 128, 0}));
-  EXPECT_EQ(part.regions.at(0).place.line, 2);
+  EXPECT_EQ(part.regions.at(0).position.line, 2);
   const std::string again = written_again(text, read_part, part_to_table);
   EXPECT_HAS(again, "group = \"Fläche 1\"\ncolour = \"#ff8000\"\n");
   EXPECT_TRUE(required_marks(part).groups && required_marks(part).colours);
