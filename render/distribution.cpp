@@ -183,26 +183,26 @@ void draw_table(Canvas& canvas, const std::vector<DistributionSeries>& series,
   double max_name_width = 0.0;
   for (const DistributionSeries& s : series)
     max_name_width = std::max(max_name_width, text_size(s.name, body).x());
-  const double key = 2.8 * body.size_px;  // width of the line before a name
+  const double swatch_width = 2.8 * body.size_px;  // of the line before a name
   const double gaps = double(column_widths.size()) * 1.6 * body.size_px;
   // The names are shortened to at least a quarter of the width; if that does not suffice, the
   // figures shrink.
-  const double name_width =
-      std::clamp(box.width - total_width - gaps - key, 0.25 * box.width - key, max_name_width);
+  const double name_width = std::clamp(box.width - total_width - gaps - swatch_width,
+                                       0.25 * box.width - swatch_width, max_name_width);
   const double shrink =
-      std::min(1.0, (box.width - name_width - key) / std::max(total_width + gaps, 1.0));
+      std::min(1.0, (box.width - name_width - swatch_width) / std::max(total_width + gaps, 1.0));
   style.size_px *= shrink;
   double y = box.y + box.height - 0.6 * body.size_px;
   for (std::size_t row = 0; row <= series.size(); ++row, y -= line_height(body)) {
     const bool is_head = row == 0;
-    double x = box.x + key + name_width;
+    double x = box.x + swatch_width + name_width;
     if (!is_head) {
       const Vector2d left(box.x, y - 0.62 * body.size_px);
       draw_series_line(canvas, {left, left + Vector2d(2.0 * body.size_px, 0.0)}, int(row) - 1,
                        0.16 * body.size_px);
       TextStyle name = body;
       name.vertical_anchor = 1.0;
-      canvas.text({box.x + key, y},
+      canvas.text({box.x + swatch_width, y},
                   wrap_text(series[row - 1].name, body, name_width + 1.0, 1).front(), name);
     }
     TextStyle cell = style;
@@ -272,8 +272,8 @@ void write_distribution(const std::filesystem::path& path,
   const double unit = options.width / 1600.0;
   const TextStyle body{.size_px = 22.0 * unit};
   const double table = table_height(series.size(), body);
-  const Page sheet = page(options.width, int(std::lround(options.height * 1.0 + table)),
-                          options.title, caption(series, histograms, bins, options), unit);
+  const Page sheet = page(options.width, int(std::lround(options.height + table)), options.title,
+                          caption(series, histograms, bins, options), unit);
   const double em = body.size_px;
   PanelStyle style{sheet.body, {.size_px = 26.0 * unit, .bold = true}, unit};
   const Rectangle cell{sheet.inner.x, sheet.inner.y + table, sheet.inner.width,

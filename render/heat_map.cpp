@@ -17,15 +17,15 @@ using Eigen::Vector2d;
 
 constexpr int max_rows = 256;
 constexpr int max_columns = 64;
-// Matrices up to these sizes get larger cells, so that the picture is no narrow strip.
+// Matrices up to these sizes get larger cells, so that the picture is not a narrow strip.
 constexpr std::size_t few_rows = 6, few_columns = 8;
 constexpr double row_px = 36.0;  // in a picture 1600 px wide
 
+/// The values that the colours represent, from -`limit` to `limit`.
 struct ColourRange {
-  double range = 1.0;
-  bool one_sided = false;
-  bool low_end = false;
-  bool high_end = false;
+  double limit = 1.0;
+  bool one_sided = false;                  ///< the colours start at 0
+  bool low_end = false, high_end = false;  ///< there are values beyond the limit
 };
 
 ColourRange colour_range(const HeatMap& map, const HeatMapOptions& options) {
@@ -36,24 +36,24 @@ ColourRange colour_range(const HeatMap& map, const HeatMapOptions& options) {
     high = std::max(high, value);
   }
   ColourRange range;
-  range.range = options.range.value_or(std::max(-low, high));
+  range.limit = options.range.value_or(std::max(-low, high));
   // A matrix of zeros needs a scale as well.
-  if (!options.range && range.range == 0.0) range.range = 1.0;
-  if (!(range.range > 0.0) || !std::isfinite(range.range))
+  if (!options.range && range.limit == 0.0) range.limit = 1.0;
+  if (!(range.limit > 0.0) || !std::isfinite(range.limit))
     throw std::invalid_argument("heat map: the range must be positive");
   // Without negative values half of the diverging scale would be unused.
   range.one_sided = !options.range && low >= 0.0 && high > 0.0;
-  range.low_end = low < -range.range;
-  range.high_end = high > range.range;
+  range.low_end = low < -range.limit;
+  range.high_end = high > range.limit;
   return range;
 }
 
 Colour cell_colour(double value, const ColourRange& range) {
   // The number is odd, so that zero has the neutral colour.
   static const std::vector<Colour> table = diverging(511);
-  if (value > range.range) return colours::beyond_high;
-  if (value < -range.range) return colours::beyond_low;
-  return table[std::size_t(std::lround(255.0 + 255.0 * value / range.range))];
+  if (value > range.limit) return colours::beyond_high;
+  if (value < -range.limit) return colours::beyond_low;
+  return table[std::size_t(std::lround(255.0 + 255.0 * value / range.limit))];
 }
 
 // Luma by the weights of Rec. 601; text is white on dark cells.
@@ -203,7 +203,7 @@ void write_heat_map(const std::filesystem::path& path, const HeatMap& map,
       options.value_label.empty() ? 0.0 : text_size(options.value_label, name).x() + 1.2 * em;
   draw_horizontal_colour_bar(
       canvas, {legend.x() + label_width, legend.y() - 0.7 * em, 16.0 * em, 1.4 * em},
-      {range.range, "", range.one_sided, range.low_end, range.high_end}, sheet.body);
+      {range.limit, "", range.one_sided, range.low_end, range.high_end}, sheet.body);
   draw_page(canvas, sheet);
   canvas.write_png(path);
 }

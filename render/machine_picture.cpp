@@ -153,7 +153,7 @@ cutting::Points spaced_points(const cutting::Points& points) {
   return points(rows, Eigen::all);
 }
 
-void add(MachineScene& scene, const Polyline& path) {
+void add(MachineScene& scene, const DrawnPath& path) {
   if (path.points.rows() == 0) return;
   Wire wire{spaced_points(path.points), {}, path.colour, path.width_px};
   for (int i = 1; i < static_cast<int>(wire.points.rows()); ++i)
@@ -182,7 +182,7 @@ void check_picture(const MachinePicture& picture) {
     is_finite = is_finite && body.T.matrix().allFinite();
     for (const Vector3d& p : shell(body).points) is_finite = is_finite && p.allFinite();
   }
-  for (const Polyline& path : picture.paths) is_finite = is_finite && path.points.allFinite();
+  for (const DrawnPath& path : picture.paths) is_finite = is_finite && path.points.allFinite();
   for (const Frame& frame : picture.frames) is_finite = is_finite && frame.T.matrix().allFinite();
   require(is_finite, "all numbers must be finite");
   const auto& t = picture.part_triangles;
@@ -219,8 +219,7 @@ std::vector<Callout> callouts(const MachinePicture& picture, const View& view) {
   return list;
 }
 
-/// Returns the heights of labels from top to bottom, near to their points and at least `pitch`
-/// apart.
+/// Returns the heights of labels, top to bottom, near their points and at least `pitch` apart.
 std::vector<double> label_heights(const std::vector<Callout>& callouts, const Rectangle& column,
                                   double pitch) {
   std::vector<double> y;
@@ -300,14 +299,14 @@ double draw_legend(Canvas& canvas, const MachinePicture& picture, Vector2d at,
     draw_swatch(canvas, at, colour, name, style);
   };
   if (picture.part_triangles.rows() > 0) entry(picture.part_colour, picture.part_name);
-  for (const Polyline& path : picture.paths) entry(path.colour, path.name);
+  for (const DrawnPath& path : picture.paths) entry(path.colour, path.name);
   return top - at.y();
 }
 
 }  // namespace
 
-void write_machine(const std::filesystem::path& path, const MachinePicture& picture,
-                   const MachineOptions& options) {
+void write_machine_picture(const std::filesystem::path& path, const MachinePicture& picture,
+                           const MachinePictureOptions& options) {
   check_picture(picture);
   const TypeSizes type = type_sizes(options.width, options.height * 6 / 5);
   const double u = type.unit;
@@ -323,19 +322,19 @@ void write_machine(const std::filesystem::path& path, const MachinePicture& pict
   const double strip = picture.bodies.empty() ? 84.0 * u : 140.0 * u;
   const double head = 30.0 * u + 1.38 * (type.title + type.figures) + 16.0 * u;
 
-  MachineScene detail;
-  add_part(detail, picture);
-  for (const Polyline& line : picture.paths) add(detail, line);
-  MachineScene whole = detail;
+  MachineScene close_up;
+  add_part(close_up, picture);
+  for (const DrawnPath& drawn_path : picture.paths) add(close_up, drawn_path);
+  MachineScene whole = close_up;
   for (const Body& machine_body : picture.bodies) add(whole, machine_body);
   for (const Frame& frame : picture.frames)
     add_view_points(whole, frame.T.translation().transpose());
   for (const Body& machine_body : picture.bodies)
-    if (machine_body.in_close_up) add(detail, machine_body);
+    if (machine_body.in_close_up) add(close_up, machine_body);
 
-  const bool has_detail = detail.points.rows() > 0 && !picture.bodies.empty();
+  const bool has_close_up = close_up.points.rows() > 0 && !picture.bodies.empty();
   const double height = options.height - head - foot - strip;
-  const double left_width = has_detail ? 0.54 * text_width : text_width;
+  const double left_width = has_close_up ? 0.54 * text_width : text_width;
   const Rectangle left{margin, foot + strip, left_width, height};
   const Rectangle right{margin + left_width + 40.0 * u, foot + strip,
                         text_width - left_width - 40.0 * u, height};
@@ -366,15 +365,15 @@ void write_machine(const std::filesystem::path& path, const MachinePicture& pict
   }
   draw_scale_bar(canvas, view, {left.x, foot + 0.5 * strip}, 0.3 * left.width, body);
 
-  const Rectangle& legend_area = has_detail ? right : left;
+  const Rectangle& legend_area = has_close_up ? right : left;
   const double legend_height =
       draw_legend(canvas, picture, {legend_area.x, legend_area.y + legend_area.height}, body);
-  if (has_detail) {
-    const Rectangle detail_area{right.x, right.y, right.width,
-                                right.height - legend_height - 16.0 * u};
-    const View detail_view = fit_view(detail.points, options.from, options.up, detail_area);
-    canvas.scene(detail_view, detail.solids, detail.wires);
-    draw_scale_bar(canvas, detail_view, {right.x, foot + 0.5 * strip}, 0.4 * right.width, body);
+  if (has_close_up) {
+    const Rectangle close_up_area{right.x, right.y, right.width,
+                                  right.height - legend_height - 16.0 * u};
+    const View close_up_view = fit_view(close_up.points, options.from, options.up, close_up_area);
+    canvas.scene(close_up_view, close_up.solids, close_up.wires);
+    draw_scale_bar(canvas, close_up_view, {right.x, foot + 0.5 * strip}, 0.4 * right.width, body);
   }
   draw_paragraph(canvas, {margin, foot}, lines, body);
   canvas.write_png(path);

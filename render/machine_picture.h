@@ -43,11 +43,11 @@ struct Body {
   std::variant<BlockShape, CylinderShape, SolidShape> shape;
   Colour colour{0.80, 0.83, 0.87};
   double opacity = 1.0;
-  bool in_close_up = false;  ///< also drawn in the detail view at the right
+  bool in_close_up = false;  ///< also drawn in the close-up view at the right
 };
 
 /// A tool path, nominal or actual, as a polyline.
-struct Polyline {
+struct DrawnPath {
   std::string name;  ///< for the legend; empty: not listed
   cutting::Points points;
   Colour colour = colours::ink;
@@ -60,6 +60,7 @@ struct Frame {
   kinematics::Pose T = kinematics::Pose::Identity();
 };
 
+/// The contents of a picture: a machine, a part and tool paths in one frame, with their labels.
 struct MachinePicture {
   std::string title;
   std::vector<Body> bodies;
@@ -67,13 +68,14 @@ struct MachinePicture {
   Colour part_colour{0.93, 0.80, 0.55};
   cutting::Points part_vertices;  ///< (n x 3), may be empty
   cutting::Triangles part_triangles;
-  std::vector<Polyline> paths;
+  std::vector<DrawnPath> paths;
   std::vector<Frame> frames;
-  double magnification = 1.0;  ///< by which the errors in the paths are magnified; stated
+  /// Factor by which the path errors are magnified; shown in the picture.
+  double magnification = 1.0;
   std::vector<std::string> caption;
 };
 
-struct MachineOptions {
+struct MachinePictureOptions {
   int width = 1600;   ///< px
   int height = 1000;  ///< px
   Eigen::Vector3d from =
@@ -81,12 +83,13 @@ struct MachineOptions {
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
 };
 
-/// Draws the whole machine with part and paths at the left, and a detail view of part, paths and
-/// close bodies at the right, each with a scale bar. States the magnification of the errors.
+/// Draws the whole machine with part and paths at the left, and a close-up view of the part, the
+/// paths and the bodies with `in_close_up` at the right, each with a scale bar. States the
+/// magnification.
 /// @throws std::invalid_argument if there is nothing to draw, a number is not finite, or a triangle
 ///         refers to a missing vertex
 /// @throws std::system_error with the path if the file cannot be written
-void write_machine(const std::filesystem::path& path, const MachinePicture& picture,
-                   const MachineOptions& options = {});
+void write_machine_picture(const std::filesystem::path& path, const MachinePicture& picture,
+                           const MachinePictureOptions& options = {});
 
 }  // namespace abbe::render

@@ -50,8 +50,7 @@ constexpr Colour rgb(int code) {
 constexpr std::array cividis{rgb(0x00224e), rgb(0x123570), rgb(0x3b496c), rgb(0x575d6d),
                              rgb(0x707173), rgb(0x8a8678), rgb(0xa59c74), rgb(0xc3b369),
                              rgb(0xe1cc55), rgb(0xfee838)};
-// The lightness decreases evenly, from that of the middle of the diverging scale to below that of
-// its ends.
+// The lightness falls evenly from that of the middle of the diverging scale to below its ends.
 constexpr std::array reds{rgb(0xefece9), rgb(0xf2c5ac), rgb(0xe8926f),
                           rgb(0xcc5540), rgb(0xa01b26), rgb(0x6b0018)};
 constexpr std::array blues{rgb(0xe9ecef), rgb(0xb6cdf2), rgb(0x85a6e4),
@@ -173,9 +172,9 @@ constexpr int step = 8, levels = 33, colour_count = levels * levels * levels;
 using Rgb = std::array<int, 3>;
 
 /// Returns the colour with an index in 0 .. colour_count - 1.
-Rgb indexed_colour(int number) {
+Rgb indexed_colour(int index) {
   const auto value = [](int levels_up) { return std::min(step * levels_up, 255); };
-  return {value(number / levels / levels), value(number / levels % levels), value(number % levels)};
+  return {value(index / levels / levels), value(index / levels % levels), value(index % levels)};
 }
 
 /// Returns the index of the colour of every pixel.
@@ -188,8 +187,9 @@ std::vector<int> rounded_colours(const Pixels& pixels) {
   return colours;
 }
 
-int distance(int number_a, int number_b) {
-  const Rgb a = indexed_colour(number_a), b = indexed_colour(number_b);
+/// Returns the squared distance of two colours.
+int squared_distance(int index_a, int index_b) {
+  const Rgb a = indexed_colour(index_a), b = indexed_colour(index_b);
   int sum = 0;
   for (std::size_t k = 0; k < 3; ++k) sum += (a[k] - b[k]) * (a[k] - b[k]);
   return sum;
@@ -210,13 +210,13 @@ std::vector<int> select_palette(const std::vector<int>& colours) {
   if (palette.size() <= max_colours) return palette;
   std::vector<int> candidates(palette.begin() + frequent_colours, palette.end());
   palette.resize(frequent_colours);
-  // Distance of each candidate to the nearest of the first `compared` colours.
+  // Squared distance of each candidate to the nearest of the first `compared` colours.
   std::vector<int> distances(candidates.size(), std::numeric_limits<int>::max());
   std::size_t compared = 0;
   while (palette.size() < max_colours) {
     for (; compared < palette.size(); ++compared)
       for (std::size_t i = 0; i < candidates.size(); ++i)
-        distances[i] = std::min(distances[i], distance(candidates[i], palette[compared]));
+        distances[i] = std::min(distances[i], squared_distance(candidates[i], palette[compared]));
     palette.push_back(
         candidates[std::size_t(std::ranges::max_element(distances) - distances.begin())]);
   }
@@ -225,7 +225,7 @@ std::vector<int> select_palette(const std::vector<int>& colours) {
 
 /// Returns the index of the nearest colour in the palette.
 std::size_t nearest_index(const std::vector<int>& palette, int colour) {
-  const auto distance_to = [&](int other) { return distance(colour, other); };
+  const auto distance_to = [&](int other) { return squared_distance(colour, other); };
   return std::size_t(std::ranges::min_element(palette, {}, distance_to) - palette.begin());
 }
 

@@ -124,7 +124,7 @@ std::vector<MeasuredFile> measure(const std::filesystem::path& file,
   }
   for (const PartInstrumentDescription& description : instruments.part_instruments) {
     progress.begin(description.name);
-    const PartMeasurement part = cut_and_measure(scene, description, to(progress));
+    const PartMeasurement part = cut_and_measure(scene, description, progress_function(progress));
     const ResultFile csv = folder / (description.name + ".csv");
     const Eigen::VectorXd& t = part.file.readings.time_s;
     measurements.push_back(
@@ -228,7 +228,7 @@ IdentificationResult identify(const std::vector<std::filesystem::path>& files,
   for (const std::filesystem::path& file : output_files(outputs)) check_file(file, writer);
   ProgressLine progress(identification_stages(files, options), observer);
   progress.begin("identify");
-  IdentificationResult result = identified(files, options, to(progress));
+  IdentificationResult result = identified(files, options, progress_function(progress));
   progress.begin("write");
   progress.report("draw", 0.0);
   write_table(result_file(outputs.belief, writer), belief_file_text(result));

@@ -198,11 +198,13 @@ Exit run_global_option(const GlobalOption& global_option, int argc, char** argv)
                                global_option.argument,
                                argc > max_arguments ? argv[max_arguments] : "nothing"));
   const std::string argument = argc == max_arguments ? argv[max_arguments - 1] : "";
-  const std::vector<std::string>& words = global_option.words;
-  if (argc == max_arguments && !words.empty() && std::ranges::find(words, argument) == words.end())
-    throw BadUsage(global_option.name, unknown_value_text("one of " + comma_separated(words),
-                                                          argument, {words.begin(), words.end()}));
-  return global_option.answer(argument);
+  const std::vector<std::string>& choices = global_option.choices;
+  const bool is_known = choices.empty() || std::ranges::find(choices, argument) != choices.end();
+  if (argc == max_arguments && !is_known)
+    throw BadUsage(global_option.name,
+                   unknown_value_text("one of " + comma_separated(choices), argument,
+                                      {choices.begin(), choices.end()}));
+  return global_option.run(argument);
 }
 
 /// Prints help or the version.

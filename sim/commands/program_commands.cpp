@@ -193,8 +193,8 @@ Exit inspect(const CommonOptions& common, ProgramArguments arguments) {
         std::vector<Stage>{{"program", "read", 1e-7 * bytes}, {"program", "words", 1e-8 * bytes}});
     progress->begin("program");
   }
-  const ProgramInspection inspection =
-      inspect_program(arguments.file, arguments.options, progress ? to(*progress) : Progress{});
+  const ProgramInspection inspection = inspect_program(
+      arguments.file, arguments.options, progress ? progress_function(*progress) : Progress{});
   progress.reset();
   print_result(
       common, inspection,
@@ -370,11 +370,11 @@ RewriteOutcome rewrite(const std::filesystem::path& file, const ProgramRewriteOp
   ProgressLine progress(scene_preparation_stages("prepare", expected_size(scene)) +
                         remaining_stages(expected_size(scene)));
   progress.begin("prepare");
-  const Job job = prepare(scene, to(progress));
+  const Job job = prepare(scene, progress_function(progress));
   const ResultFile output = output_file_of_rewrite(job, options);
   progress.replan(remaining_stages(work_size(job)));
   progress.begin(compensator.name);
-  const Commands commands = compensate(job, compensator, to(progress));
+  const Commands commands = compensate(job, compensator, progress_function(progress));
   // A corrected program may leave the travel of an axis, and the control would then reject it.
   check_travel(job, commands);
   progress.begin("write");
@@ -513,12 +513,13 @@ ExportOutcome export_tables(const std::filesystem::path& file, const ExportOptio
   ProgressLine progress(scene_preparation_stages("prepare", expected_size(scene)) +
                         remaining_stages(expected_size(scene)));
   progress.begin("prepare");
-  const Job job = prepare(scene, to(progress));
+  const Job job = prepare(scene, progress_function(progress));
   progress.replan(remaining_stages(work_size(job)));
   progress.begin(compensator.name);
   const ControlFormat format =
       options.format.value_or(scene.compensation.table.format.value_or(ControlFormat::LinuxCnc));
-  const LearnedCorrection correction = learn_correction(job, compensator, to(progress));
+  const LearnedCorrection correction =
+      learn_correction(job, compensator, progress_function(progress));
   progress.begin("write");
   progress.report("tables", 0.0);
   const compensation::ControlExport output = export_files(job, correction, format);

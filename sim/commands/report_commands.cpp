@@ -481,19 +481,20 @@ Exit animate(const CommonOptions& common, const AnimateArguments& arguments) {
            film_stages("film", size, frames, pixels);
   };
   const WorkSize expected = expected_size(scene);
-  ProgressLine line(scene_preparation_stages("prepare", expected) + remaining_stages(expected));
-  line.begin("prepare");
-  const Job job = check_placement(prepare(scene, to(line)));
+  ProgressLine progress_line(scene_preparation_stages("prepare", expected) +
+                             remaining_stages(expected));
+  progress_line.begin("prepare");
+  const Job job = check_placement(prepare(scene, progress_function(progress_line)));
   film_interval(job.path, options);  // reports input errors before anything is cut
-  line.replan(remaining_stages(work_size(job)));
-  line.begin(arguments.case_name);
-  const CutProgram filmed = cut_for_film(job, options, to(line));
+  progress_line.replan(remaining_stages(work_size(job)));
+  progress_line.begin(arguments.case_name);
+  const CutProgram filmed = cut_for_film(job, options, progress_function(progress_line));
   const FilmInterval interval = film_interval(path_of(job, filmed.commands), options);
-  line.begin("film");
+  progress_line.begin("film");
   const FilmOutcome outcome = write_film(
       folder, {job, filmed.commands, filmed.process, filmed.surface ? &*filmed.surface : nullptr},
       {film_plan(interval, arguments.seconds, arguments.fps), options.film, arguments.film},
-      to(line));
+      progress_function(progress_line));
   print_film(outcome, common.json);
   print_warnings(job.warnings);
   return Exit::Ok;

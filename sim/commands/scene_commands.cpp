@@ -86,15 +86,15 @@ MachineEntry read_machine_entry(const path& file) {
         {joint.name, is_rotary, is_rotary ? max - min < min_unlimited_deg : max < 1e8, min, max});
   }
   std::ranges::sort(entry.axes, {},
-                    [](const AxisEntry& axis) { return std::pair(axis.is_rotary, axis.name); });
+                    [](const AxisTravel& axis) { return std::pair(axis.is_rotary, axis.name); });
   return entry;
 }
 
 }  // namespace
 
-LibraryList library_list(const std::vector<std::string>& kinds) {
+LibraryContents library_contents(const std::vector<std::string>& kinds) {
   const path library = library_folder();
-  LibraryList list;
+  LibraryContents list;
   for (const std::string& kind : kinds) list.kinds.push_back(read_kind_entry(kind, library));
   for (const auto& directory_entry : std::filesystem::directory_iterator(library / "machines"))
     if (directory_entry.path().extension() == ".toml")
@@ -105,7 +105,7 @@ LibraryList library_list(const std::vector<std::string>& kinds) {
 
 std::string travel_text(const MachineEntry& machine) {
   std::string slide_travel, rotary_travel;
-  for (const AxisEntry& axis : machine.axes) {
+  for (const AxisTravel& axis : machine.axes) {
     std::string& text = axis.is_rotary ? rotary_travel : slide_travel;
     text += text.empty() ? "" : ", ";
     if (!axis.has_limits)
@@ -121,24 +121,24 @@ std::string travel_text(const MachineEntry& machine) {
   return slide_travel;
 }
 
-std::string to_text(const LibraryList& list) {
+std::string to_text(const LibraryContents& library) {
   std::string text = "kinds, for abbe new KIND DIR\n";
-  for (const KindEntry& kind : list.kinds)
+  for (const KindEntry& kind : library.kinds)
     text += fmt::format("  {:<20} {} (machine {})\n", kind.name, kind.summary, kind.machine);
   text += "\nmachines, for machine = \"library:NAME\" and abbe program --machine NAME\n";
-  for (const MachineEntry& machine : list.machines)
+  for (const MachineEntry& machine : library.machines)
     text += fmt::format("  {:<20} {}\n  {:<20} {}; {}\n", machine.name, machine.summary, "",
-                        machine.code, travel_text(machine));
+                        machine.structural_code, travel_text(machine));
   return text;
 }
 
-nlohmann::ordered_json to_json(const LibraryList& list) {
+nlohmann::ordered_json to_json(const LibraryContents& library) {
   nlohmann::ordered_json kinds = nlohmann::ordered_json::array(), machines = kinds;
-  for (const KindEntry& kind : list.kinds)
+  for (const KindEntry& kind : library.kinds)
     kinds.push_back({{"name", kind.name}, {"summary", kind.summary}, {"machine", kind.machine}});
-  for (const MachineEntry& machine : list.machines) {
+  for (const MachineEntry& machine : library.machines) {
     nlohmann::ordered_json axes = nlohmann::ordered_json::object();
-    for (const AxisEntry& axis : machine.axes) {
+    for (const AxisTravel& axis : machine.axes) {
       nlohmann::ordered_json travel;
       if (axis.has_limits) travel = {axis.min, axis.max};
       axes[std::string(1, axis.name)] = {{"unit", axis.is_rotary ? "deg" : "mm"},
@@ -146,20 +146,21 @@ nlohmann::ordered_json to_json(const LibraryList& list) {
     }
     machines.push_back({{"name", machine.name},
                         {"summary", machine.summary},
-                        {"code", machine.code},
+                        {"code", machine.structural_code},
                         {"axes", axes}});
   }
   return {{"kinds", kinds}, {"machines", machines}};
 }
 
-const std::vector<std::string>& new_kinds() {
+const std::vector<std::string>& scene_kinds() {
   static const std::vector<std::string> kinds{"cam",        "fanuc",      "gantry",   "head_head",
                                               "heidenhain", "lathe",      "linuxcnc", "platform",
                                               "siemens",    "three_axis", "trunnion"};
   return kinds;
 }
 
-std::vector<CopiedFile> new_scene(const std::string& kind, const std::filesystem::path& folder) {
+std::vector<CopiedFile> write_new_scene(const std::string& kind,
+                                        const std::filesystem::path& folder) {
   check_new_folder(folder);
   const std::vector<CopiedFile> copied_files =
       scene_copy(library_folder() / "new" / (kind + ".toml"));
@@ -180,7 +181,7 @@ struct NewArguments {
 };
 
 Exit print_list(const CommonOptions& common) {
-  const LibraryList list = library_list(new_kinds());
+  const LibraryContents list = library_contents(scene_kinds());
   print("{}", MultilineText(common.json ? json_text(to_json(list)) : to_text(list)));
   return Exit::Ok;
 }
@@ -191,7 +192,7 @@ Exit print_new_scene(const NewArguments& arguments) {
     throw BadUsage(arguments.kind.empty() ? "KIND" : "DIR",
                    "expected a kind and a folder, such as abbe new gantry first, or --list");
   const std::filesystem::path library = library_folder();
-  for (const CopiedFile& copied_file : new_scene(arguments.kind, arguments.folder))
+  for (const CopiedFile& copied_file : write_new_scene(arguments.kind, arguments.folder))
     print("{:<16} from {}\n", copied_file.name,
           copied_file.from.lexically_relative(library).generic_string());
   const std::string scene = (arguments.folder / "scene.toml").string();
@@ -212,7 +213,7 @@ Command new_command(CommonOptions& common) {
       .options = {{"KIND", &arguments->kind,
                    "machine: gantry, trunnion, three_axis, lathe, head_head or platform; or "
                    "dialect of a CAM program: cam, fanuc, siemens, heidenhain or linuxcnc",
-                   OneOf{new_kinds()}, OptionalArgument{}},
+                   OneOf{scene_kinds()}, OptionalArgument{}},
                   {"DIR", &arguments->folder, "folder for the files: new or empty",
                    OptionalArgument{}},
                   {"--list", &arguments->list, "list the kinds and the machines of the library"},
@@ -256,10 +257,10 @@ Collisions find_collisions(const Job& job, const std::string& case_name) {
   std::vector<Stage> stages = collision_stages(case_name, size);
   if (case_name != "uncompensated")
     stages = command_stages(case_name, size, job.scene, parse_case(case_name)) + std::move(stages);
-  ProgressLine line(std::move(stages));
-  line.begin(case_name);
-  const Commands commands = case_commands(job, case_name, to(line));
-  return collisions(job, commands, case_name, to(line));
+  ProgressLine progress_line(std::move(stages));
+  progress_line.begin(case_name);
+  const Commands commands = case_commands(job, case_name, progress_function(progress_line));
+  return collisions(job, commands, case_name, progress_function(progress_line));
 }
 
 /// Checks a scene. Bodies are always read, so that errors in them are found. The exit code is 1 if

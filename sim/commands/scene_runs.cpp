@@ -31,8 +31,8 @@ namespace abbe::sim {
 
 namespace {
 
-/// Returns the times at which the spindle or an axis starts after a rest, s; the first is the start
-/// of the day.
+/// Returns the times at which the spindle or an axis starts after a rest, s. The history begins
+/// after a rest.
 std::vector<double> cycle_starts(const ThermalDescription& thermal, double history) {
   std::vector<double> starts;
   double time_s = -history;
@@ -111,14 +111,14 @@ Job sample_job(Job job, const CaseRequest& request, ProgressLine& progress,
   check_memory(job.scene, {work_size(job)}, request, windows_obstacle);
   if (std::string text = proximity_warning(job); !text.empty())
     job.warnings.push_back(std::move(text));
-  return sampled(check_placement(std::move(job)), to(progress));
+  return sampled(check_placement(std::move(job)), progress_function(progress));
 }
 
-/// Returns the memory for the samples of a program, which is cut in windows if they exceed it and
-/// nothing needs all of them.
+/// Returns the memory for the samples of a program. If they exceed it, the program is cut in
+/// windows, unless something needs all samples at once.
 /// @param scenes  of all jobs that are in memory together
 /// @param cases   to cut in addition to those of [compare]
-/// @param scene   of the job, one of them
+/// @param scene   scene of this job, one of `scenes`
 MemoryBudget memory_budget(const std::vector<Scene>& scenes,
                            const std::vector<std::optional<CaseDescription>>& cases,
                            const CaseRequest& request, const Scene& scene) {
@@ -126,10 +126,10 @@ MemoryBudget memory_budget(const std::vector<Scene>& scenes,
   const auto add_obstacle = [&](const std::string& obstacle) {
     if (budget.windows_obstacle.empty()) budget.windows_obstacle = obstacle;
   };
-  if (request.tracked) add_obstacle("the track of the tool");
+  if (request.keeps_tracks) add_obstacle("the track of the tool");
   for (const Scene& loaded : scenes) {
     for (const auto& compensator : cases) add_obstacle(find_windows_obstacle(loaded, compensator));
-    if (!request.compared) continue;
+    if (!request.has_comparison_picture) continue;
     for (const CaseDescription& compensator : loaded.cases)
       add_obstacle(find_windows_obstacle(loaded, compensator));
   }
@@ -150,7 +150,7 @@ void check_cut_memory(const Scene& scene, const std::vector<WorkSize>& sizes,
                       const std::string& windows_obstacle = {}) {
   check_memory(scene, sizes, request, windows_obstacle);
   if (const std::string text = memory_remark(sizes, request); !text.empty())
-    to(progress)(text, -1.0);
+    progress_function(progress)(text, -1.0);
 }
 
 /// Returns the data to keep of a cut. A report needs the track of the tool.
@@ -158,10 +158,10 @@ Retention retention_of_run(const RunOptions& options) {
   return options.report_language.empty() ? required_retention(options.formats) : Retention::Track;
 }
 
-/// Adds the memory for pictures and for the track of the tool.
+/// Returns the request with the pictures and the track that the options need.
 CaseRequest add_output_options(CaseRequest request, const RunOptions& options) {
-  request.pictures = can_draw_pictures();
-  request.tracked = retention_of_run(options) == Retention::Track;
+  request.draws_pictures = can_draw_pictures();
+  request.keeps_tracks = retention_of_run(options) == Retention::Track;
   return request;
 }
 
@@ -213,28 +213,30 @@ void cut_cases(const VariantJob& variant_job, CaseResults& results, Retention re
   std::promise<const Verdict*> error_free_promise;
   const std::shared_future<const Verdict*> error_free_verdict =
       error_free_promise.get_future().share();
-  std::vector<Task> tasks{
-      {folder_name("error_free"), [&](const Progress& line) {
-         try {
-           // The error-free map of a variant is only compared with, not reported.
-           Cut error_free_cut = cut_error_free(
-               variant_job.job, line, variant_job.prefix.empty() ? retention : Retention::Map);
-           check_cuts_part(variant_job.job, error_free_cut);
-           error_free = judge(variant_job.job, std::move(error_free_cut), nullptr);
-           error_free_promise.set_value(&*error_free);
-         } catch (...) {
-           error_free_promise.set_exception(std::current_exception());
-           throw;
-         }
-       }}};
+  std::vector<Task> tasks{{folder_name("error_free"), [&](const Progress& report_progress) {
+                             try {
+                               // The error-free map of a variant is only compared with, not
+                               // reported.
+                               Cut error_free_cut = cut_error_free(
+                                   variant_job.job, report_progress,
+                                   variant_job.prefix.empty() ? retention : Retention::Map);
+                               check_cuts_part(variant_job.job, error_free_cut);
+                               error_free =
+                                   judge(variant_job.job, std::move(error_free_cut), nullptr);
+                               error_free_promise.set_value(&*error_free);
+                             } catch (...) {
+                               error_free_promise.set_exception(std::current_exception());
+                               throw;
+                             }
+                           }}};
   std::vector<CaseAttempt> cases(1 + compensators.size());
   const WorkSize size = work_size(variant_job.job);
   for (std::size_t i = 0; i < cases.size(); ++i) {
     const auto compensator = i == 0 ? std::nullopt : std::optional(compensators[i - 1]);
     tasks.push_back({folder_name(compensator ? compensator->name : "uncompensated"),
-                     [&, i, compensator](const Progress& line) {
+                     [&, i, compensator](const Progress& report_progress) {
                        cases[i] = attempt_case(variant_job, compensator, retention,
-                                               error_free_verdict, line);
+                                               error_free_verdict, report_progress);
                      },
                      total_seconds(cut_stages("", size, variant_job.job.scene, compensator))});
   }
@@ -302,17 +304,18 @@ void append_exceeded_limits(std::vector<std::string>& texts, const Limits& limit
   for (std::string& text : exceeded_limits(limits, verdict)) texts.push_back(std::move(text));
 }
 
-/// Returns texts about exceeded limits. If there are compensators, only their cases are judged,
+/// Returns a text for each exceeded limit. If there are compensators, only their cases are judged,
 /// because the uncompensated machine is expected to fail.
-std::vector<std::string> violated_limits(const std::vector<ComparedCase>& cases) {
+std::vector<std::string> exceeded_limit_texts(const std::vector<ComparedCase>& cases) {
   const bool has_compensators = std::any_of(
       cases.begin(), cases.end(),
       [](const ComparedCase& compared) { return compared.uncompensated_index.has_value(); });
-  std::vector<std::string> limits;
+  std::vector<std::string> texts;
+  // Without compensators every case is judged except the first, the error-free one.
   for (std::size_t i = 0; i < cases.size(); ++i)
     if (has_compensators ? cases[i].uncompensated_index.has_value() : i > 0)
-      append_exceeded_limits(limits, cases[i].job->scene.limits, cases[i].verdict);
-  return limits;
+      append_exceeded_limits(texts, cases[i].job->scene.limits, cases[i].verdict);
+  return texts;
 }
 
 /// Returns the scene with the compensators of the user added to its cases. Throws BadInput if two
@@ -352,14 +355,14 @@ std::vector<Scene> read_variants(const Scene& scene, const std::vector<Override>
   return variants;
 }
 
-/// Checks, before long work, that no result would overwrite an input, which with --force may have
-/// the name of a result.
+/// Checks, before any lengthy work, that no result would overwrite an input, which with --force may
+/// have the name of a result.
 void check_result_names(const ResultFolder& folder) {
   for (const char* name : result_names) check_file(folder / name);
 }
 
-/// Checks, before long work, that no two cases share a folder and that the folders of cases may be
-/// written.
+/// Checks, before any lengthy work, that no two cases share a folder and that the folders of cases
+/// can be written.
 void check_cases(const ResultFolder& folder, const Scene& scene, const std::vector<Scene>& variants,
                  const Writer& writer) {
   ComparedNames names{scene.cases, {}};
@@ -394,9 +397,9 @@ RequestedScenes read_requested_scenes(const std::filesystem::path& file,
 }
 
 /// Prepares and cuts all cases.
-/// @param line  is created here, and used by the caller for writing
+/// @param progress_line  is created here, and used by the caller for writing
 CaseResults cut_all_cases(const RequestedScenes& requested, const RunOptions& options,
-                          std::optional<ProgressLine>& line) {
+                          std::optional<ProgressLine>& progress_line) {
   const Scene& scene = requested.scene;
   const std::vector<Scene>& variants = requested.variants;
   const auto preparation_name = [&](std::size_t i) {
@@ -411,8 +414,9 @@ CaseResults cut_all_cases(const RequestedScenes& requested, const RunOptions& op
            sampling_stages(preparation_name(i), sizes[i], scene_or_variant);
     sizes[i] = size_after_sampling(sizes[i], scene_or_variant);
   }
-  line.emplace(std::move(plan) + comparison_plan(scene, variants, sizes), options.progress);
-  ProgressLine& progress = *line;
+  progress_line.emplace(std::move(plan) + comparison_plan(scene, variants, sizes),
+                        options.progress);
+  ProgressLine& progress = *progress_line;
   std::vector<Scene> scenes{scene};
   scenes.insert(scenes.end(), variants.begin(), variants.end());
   CaseRequest request = add_output_options(compare_case_request(scenes), options);
@@ -424,8 +428,8 @@ CaseResults cut_all_cases(const RequestedScenes& requested, const RunOptions& op
     progress.begin(preparation_name(i));
     const MemoryBudget memory = memory_budget(scenes, {std::nullopt}, request, scenes[i]);
     variant_jobs.push_back({i == 0 ? "" : scene.variants[i - 1].name,
-                            sample_job(prepare(scenes[i], to(progress), memory), request, progress,
-                                       memory.windows_obstacle)});
+                            sample_job(prepare(scenes[i], progress_function(progress), memory),
+                                       request, progress, memory.windows_obstacle)});
     sizes[i] = work_size(variant_jobs.back().job);
   }
   // A caller with its own progress function, such as Python, may be able to interrupt only from the
@@ -458,11 +462,11 @@ std::vector<std::string> write_cases(const ResultFolder& folder, CaseResults& re
   std::vector<std::vector<std::string>> warnings(results.cases.size());
   std::vector<Task> tasks;
   for (std::size_t i = 0; i < results.cases.size(); ++i) {
-    const auto write = [&, i](const Progress& line) {
+    const auto write = [&, i](const Progress& report_progress) {
       ComparedCase& compared = results.cases[i];
       warnings[i] = check_stock(compared);
       write_case(folder.inside(compared.verdict.cut.name), *compared.job, compared.verdict, formats,
-                 line);
+                 report_progress);
       compared.verdict.stock.reset();  // tens of MB, no longer needed
     };
     tasks.push_back({"write " + results.cases[i].verdict.cut.name, write});
@@ -507,7 +511,7 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   std::string name = options.case_name.empty() ? scene.case_name : options.case_name;
   if (!options.plug_ins.empty()) name = plug_in_case(options.plug_ins.front()).plug_in.string();
   if (!options.case_name.empty() || !options.plug_ins.empty()) trust(scene, name);
-  // The folder is checked and created before the work.
+  // The folder is checked and created before the work starts.
   const ResultFolder folder(options.folder, make_writer(scene, options.permissions));
   check_result_names(folder);
   const std::string shown_name = name.empty() ? "uncompensated" : name;
@@ -527,18 +531,19 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
       add_output_options(run_case_request(parse_compensator(shown_name)), options);
   const MemoryBudget memory =
       memory_budget({scene}, {parse_compensator(shown_name)}, request, scene);
-  const Job job =
-      sample_job(prepare(scene, to(progress), memory), request, progress, memory.windows_obstacle);
+  const Job job = sample_job(prepare(scene, progress_function(progress), memory), request, progress,
+                             memory.windows_obstacle);
   check_cut_memory(scene, {work_size(job)}, request, progress, memory.windows_obstacle);
   progress.replan(remaining_stages(work_size(job)));
   progress.begin(shown_name);
-  Cut result = cut_named_case(job, shown_name, to(progress), retention_of_run(options));
+  Cut result =
+      cut_named_case(job, shown_name, progress_function(progress), retention_of_run(options));
   check_cuts_part(job, result);
   progress.begin("write");
   Verdict verdict = judge(job, std::move(result), nullptr);
   verdict.stock = stock_check(job, verdict);
   write_program(folder, job);
-  write_case(folder, job, verdict, options.formats, to(progress));
+  write_case(folder, job, verdict, options.formats, progress_function(progress));
   Summary figures = summary(job, verdict);
   add_warnings(write_or_remove_report(
                    folder, options,
@@ -561,9 +566,9 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   const ResultFolder folder(options.folder, make_writer(scene, options.permissions));
   check_result_names(folder);
   check_cases(folder, scene, variants, make_writer(scene, options.permissions));
-  std::optional<ProgressLine> line;
-  CaseResults results = cut_all_cases(requested, options, line);
-  ProgressLine& progress = *line;
+  std::optional<ProgressLine> progress_line;
+  CaseResults results = cut_all_cases(requested, options, progress_line);
+  ProgressLine& progress = *progress_line;
   const std::vector<VariantJob>& variant_jobs = results.variant_jobs;
   std::vector<ComparedCase>& cases = results.cases;
   Comparison& comparison_figures = results.comparison;
@@ -571,7 +576,7 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   outcome.failed = failure_texts(results.failed);
   for (const VariantJob& variant_job : variant_jobs)
     write_program(folder.inside(variant_job.prefix), variant_job.job);
-  outcome.exceeded_limits = violated_limits(cases);
+  outcome.exceeded_limits = exceeded_limit_texts(cases);
   add_warnings(write_cases(folder, results, options.formats, progress),
                comparison_figures.warnings);
   if (scene.sensor_choice) progress.begin("choose sensors");
@@ -585,7 +590,7 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
                comparison_figures.warnings);
   outcome.figures = std::move(comparison_figures);
   progress.begin("write comparison");
-  write_comparison_picture(folder / "comparison.png", scene, cases, to(progress));
+  write_comparison_picture(folder / "comparison.png", scene, cases, progress_function(progress));
   return outcome;
 }
 
@@ -594,23 +599,23 @@ ReportOutcome report(const std::filesystem::path& scene, const RunOptions& optio
   const RequestedScenes requested = read_requested_scenes(scene, options);
   const Writer writer = make_writer(requested.scene, options.permissions);
   check_file(file, writer);
-  std::optional<ProgressLine> line;
-  const CaseResults results = cut_all_cases(requested, options, line);
-  line->begin("write comparison");
+  std::optional<ProgressLine> progress_line;
+  const CaseResults results = cut_all_cases(requested, options, progress_line);
+  progress_line->begin("write comparison");
   const Comparison& comparison_figures = results.comparison;
   ReportOutcome outcome =
       write_report(result_file(file, writer), results.cases, comparison_figures, options);
   outcome.warnings.insert(outcome.warnings.begin(), comparison_figures.warnings.begin(),
                           comparison_figures.warnings.end());
-  outcome.exceeded_limits = violated_limits(results.cases);
+  outcome.exceeded_limits = exceeded_limit_texts(results.cases);
   outcome.failed = failure_texts(results.failed);
   return outcome;
 }
 
 CaseResults cut_scene_cases(const std::filesystem::path& scene, const RunOptions& options) {
   const RequestedScenes requested = read_requested_scenes(scene, options);
-  std::optional<ProgressLine> line;
-  CaseResults results = cut_all_cases(requested, options, line);
+  std::optional<ProgressLine> progress_line;
+  CaseResults results = cut_all_cases(requested, options, progress_line);
   for (ComparedCase& compared : results.cases) {
     add_warnings(check_stock(compared), results.comparison.warnings);
     compared.verdict.stock.reset();  // tens of MB, no longer needed
@@ -626,7 +631,7 @@ Job job_of(const std::filesystem::path& file, const RunOptions& options) {
       options.progress);
   progress.begin("prepare");
   const CaseRequest request = add_output_options(run_case_request(std::nullopt), options);
-  Job job = sample_job(prepare(scene, to(progress)), request, progress);
+  Job job = sample_job(prepare(scene, progress_function(progress)), request, progress);
   check_cut_memory(scene, {work_size(job)}, request, progress);
   return job;
 }

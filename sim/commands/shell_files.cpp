@@ -237,7 +237,7 @@ Completions first_word_completions(const std::vector<Command>& commands,
 
 Completions global_option_completions(const GlobalOption& option, const CompletionTask& task) {
   Completions result;
-  for (const std::string& word : option.words) add_candidate(result, task, word);
+  for (const std::string& choice : option.choices) add_candidate(result, task, choice);
   if (option.argument == "SCENE") add_files(result, "");
   if (option.argument == "[PREFIX]")
     for (const std::string& key : settable_keys(task.value)) add_candidate(result, task, key);

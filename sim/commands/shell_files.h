@@ -7,8 +7,8 @@
 
 #include "sim/commands/command.h"
 
-/// Shell completion of abbe's command line, its global options, and the texts that `--help` shares
-/// with it.
+/// Shell completion of abbe's command line, its global options, and the texts that completion
+/// shares with `--help`.
 namespace abbe::sim {
 
 /// Description of abbe in one line and in a paragraph, and the meaning of its exit codes, for
@@ -26,9 +26,9 @@ struct GlobalOption {
   std::string name;      ///< "--cases"
   std::string argument;  ///< "SCENE"; "[PREFIX]" is optional
   std::string help;
-  std::vector<std::string> words;  ///< possible values of the argument; empty if any is allowed
+  std::vector<std::string> choices;  ///< possible values of the argument; empty if any is allowed
   /// Called with an empty argument if it is omitted.
-  std::function<Exit(const std::string& argument)> answer;
+  std::function<Exit(const std::string& argument)> run;
 };
 
 /// Returns all global options.

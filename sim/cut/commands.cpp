@@ -21,7 +21,7 @@ using kinematics::Pose;
 /// Returns the actual minus the nominal position of the tip, mm, when the control moves to a point.
 using TipDeviation = std::function<Vector3d(const Vector3d& point_w)>;
 
-// Returns the axis state at which the tip of a chain is at a point, rotary axes at zero.
+/// Returns the axis state at which the tip of a chain is at a point, rotary axes at zero.
 AxisState state_at(const kinematics::Chain& chain, const Vector3d& point_w, double time_s) {
   const AxisVector zero = AxisVector::Zero(chain.size());
   AxisState state;
@@ -138,23 +138,23 @@ Commands uncompensated_commands(const Machine& machine, const program::Path& pat
   return result;
 }
 
-Commands joined(std::vector<Commands> parts) {
-  if (parts.size() == 1) return std::move(parts.front());
+Commands joined(std::vector<Commands> segments) {
+  if (segments.size() == 1) return std::move(segments.front());
   Commands job_commands;
-  for (const Commands& part : parts) {
-    const auto& states = part.samples.states;
+  for (const Commands& segment : segments) {
+    const auto& states = segment.samples.states;
     job_commands.samples.states.insert(job_commands.samples.states.end(), states.begin(),
                                        states.end());
     job_commands.remaining_point_error =
-        std::max(job_commands.remaining_point_error, part.remaining_point_error);
+        std::max(job_commands.remaining_point_error, segment.remaining_point_error);
     job_commands.remaining_direction_error =
-        std::max(job_commands.remaining_direction_error, part.remaining_direction_error);
-    job_commands.not_converged += part.not_converged;
-    for (const std::string& warning : part.warnings)
+        std::max(job_commands.remaining_direction_error, segment.remaining_direction_error);
+    job_commands.not_converged += segment.not_converged;
+    for (const std::string& warning : segment.warnings)
       if (std::ranges::find(job_commands.warnings, warning) == job_commands.warnings.end())
         job_commands.warnings.push_back(warning);
   }
-  job_commands.segments = std::move(parts);
+  job_commands.segments = std::move(segments);
   return job_commands;
 }
 

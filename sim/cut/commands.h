@@ -86,8 +86,8 @@ struct Commands {
   std::vector<Commands> segments = {};
 };
 
-/// Joins the commands of the parts of a job into those of the job.
-Commands joined(std::vector<Commands> parts);
+/// Joins the commands of the segments of a job into those of the job.
+Commands joined(std::vector<Commands> segments);
 
 /// Returns the commands of a part of a job.
 /// @param part  its number in `job_segments`

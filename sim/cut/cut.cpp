@@ -547,7 +547,7 @@ Cut cut_error_free(const Job& job, const Progress& progress, Retention keep) {
   result.interpolation = map.interpolation;
   result.process = job.nominal_process;
   if (keep == Retention::Track) {
-    std::vector<TrackedPart> parts;
+    std::vector<TrackedSegment> parts;
     for (const Segment& segment : job_segments(job))
       parts.push_back({segment.samples, segment.T_wt_nominal, segment.T_wt_nominal});
     result.track = join_tracks(parts);
@@ -630,7 +630,7 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Rete
   run_errors.write_to(result);
   add_warnings(idle_warnings(job.scene), result.warnings);
   if (keep == Retention::Track) {
-    std::vector<TrackedPart> tracked;
+    std::vector<TrackedSegment> tracked;
     for (std::size_t i = 0; i < segments.size(); ++i)
       tracked.push_back({part_commands(commands, i).samples,
                          target_poses(segments[i], part_commands(commands, i)), motions[i].T_wt});

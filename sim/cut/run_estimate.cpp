@@ -66,7 +66,7 @@ double surface_seconds(const WorkSize& size) {
 /// Returns the time of the cuts from which a compensator learns before it corrects, s.
 double learning_seconds(const WorkSize& size, const Scene& scene,
                         const CaseDescription& compensator) {
-  const double stock = size.stock ? seconds_per_stock_sample * size.samples : 0.0;
+  const double stock = size.has_stock ? seconds_per_stock_sample * size.samples : 0.0;
   const bool part = compensator.belief == Belief::Part && scene.belief.part.has_value();
   const bool force = (compensator.belief == Belief::Force || compensator.belief == Belief::Fused) &&
                      scene.belief.force.has_value();
@@ -83,12 +83,12 @@ WorkSize expected_size(const Scene& scene) {
   const auto* mesh = std::get_if<MeshFile>(&scene.part.shape);
   size.vertices = mesh ? estimated_vertices(mesh->file) : double(scene.part.vertices);
   const auto* file = std::get_if<ProgramDescription::File>(&scene.program.source);
-  size.generated = file == nullptr;
+  size.is_generated = file == nullptr;
   // Typical figures of the library: 30 000 blocks for a generated program, 8 samples a block.
   size.blocks = file ? estimated_blocks(file->file) : 3e4;
   size.samples = 8.0 * size.blocks;
-  size.stock = scene.cutting.has_value();
-  size.collisions = scene.collision.is_enabled;
+  size.has_stock = scene.cutting.has_value();
+  size.has_collisions = scene.collision.is_enabled;
   return size;
 }
 
@@ -107,9 +107,10 @@ std::vector<Stage> scene_preparation_stages(const std::string& part, const WorkS
   std::vector<Stage> stages{
       {part, "part", seconds_per_vertex_made * size.vertices},
       {part, "program",
-       (seconds_per_block_read + (size.generated ? seconds_per_block_written : 0.0)) * size.blocks},
+       (seconds_per_block_read + (size.is_generated ? seconds_per_block_written : 0.0)) *
+           size.blocks},
       {part, "sample", seconds_per_sample * size.samples}};
-  if (size.stock) stages.push_back({part, "stock", seconds_per_stock_sample * size.samples});
+  if (size.has_stock) stages.push_back({part, "stock", seconds_per_stock_sample * size.samples});
   stages.push_back({part, "heat", 0.01});
   return stages;
 }
@@ -149,8 +150,8 @@ std::vector<Stage> cut_stages(const std::string& part, const WorkSize& size, con
 
 std::vector<Stage> cut_stages(const std::string& part, const WorkSize& size) {
   std::vector<Stage> stages;
-  if (size.collisions) stages = collision_stages(part, size);
-  if (size.stock) stages.push_back({part, "stock", seconds_per_stock_sample * size.samples});
+  if (size.has_collisions) stages = collision_stages(part, size);
+  if (size.has_stock) stages.push_back({part, "stock", seconds_per_stock_sample * size.samples});
   stages.push_back({part, "poses", seconds_per_pose * size.samples});
   stages.push_back({part, "surface", surface_seconds(size)});
   return stages;
@@ -167,7 +168,7 @@ std::vector<Stage> rewriting_stages(const std::string& part, const WorkSize& siz
 
 std::vector<Stage> collision_stages(const std::string& part, const WorkSize& size) {
   std::vector<Stage> stages{{part, "collisions", seconds_per_collision_sample * size.samples}};
-  if (size.stock)
+  if (size.has_stock)
     stages.push_back({part, "collisions with the stock", seconds_per_stock_sample * size.samples});
   return stages;
 }
@@ -179,7 +180,7 @@ std::vector<Stage> comparison_stages(const std::string& part, const WorkSize& si
 
 std::vector<Stage> film_stages(const std::string& part, const WorkSize& size, double frames,
                                double pixels) {
-  const double stock = size.stock ? seconds_per_stock_filmed : 0.0;
+  const double stock = size.has_stock ? seconds_per_stock_filmed : 0.0;
   return {{part, "frames", frames * (seconds_per_pixel_filmed * pixels + stock)},
           {part, "encode", seconds_per_file + frames * seconds_per_pixel_encoded * pixels}};
 }
@@ -224,19 +225,20 @@ double job_bytes(const WorkSize& job) {
 }
 
 double track_bytes(const WorkSize& job, const CaseRequest& request) {
-  return request.tracked ? bytes_of_sample_tracked * request.kept * samples_in_memory(job) : 0.0;
+  return request.keeps_tracks ? bytes_of_sample_tracked * request.kept_maps * samples_in_memory(job)
+                              : 0.0;
 }
 
 double cutting_bytes(const WorkSize& job, const CaseRequest& request) {
   double sample_bytes = bytes_of_sample_cut;
-  if (job.stock) sample_bytes += bytes_of_sample_in_stock;
-  if (request.compensated) sample_bytes += bytes_of_sample_corrected;
-  if (request.rewritten) sample_bytes += bytes_of_sample_rewritten;
+  if (job.has_stock) sample_bytes += bytes_of_sample_in_stock;
+  if (request.has_compensator) sample_bytes += bytes_of_sample_corrected;
+  if (request.has_rewritten_commands) sample_bytes += bytes_of_sample_rewritten;
   const double case_bytes = sample_bytes * samples_in_memory(job) +
                             bytes_of_vertex_cut * job.vertices +
                             3.0 * sizeof(ProcessStep) * job.window_steps;
   return job_bytes(job) + request.max_parallel * case_bytes + track_bytes(job, request) +
-         bytes_of_vertex_kept * request.kept * job.vertices;
+         bytes_of_vertex_kept * request.kept_maps * job.vertices;
 }
 
 double sampling_bytes(const WorkSize& job) {
@@ -245,10 +247,10 @@ double sampling_bytes(const WorkSize& job) {
 
 double drawing_bytes(const WorkSize& job, const CaseRequest& request) {
   double vertex_bytes =
-      bytes_of_vertex_drawn * request.max_parallel + bytes_of_vertex_kept * request.kept;
+      bytes_of_vertex_drawn * request.max_parallel + bytes_of_vertex_kept * request.kept_maps;
   double bytes = job_bytes(job) + bytes_of_pictures;
-  if (request.compared) {
-    vertex_bytes += bytes_of_vertex_compared * request.kept;
+  if (request.has_comparison_picture) {
+    vertex_bytes += bytes_of_vertex_compared * request.kept_maps;
     bytes += bytes_of_comparison;
   }
   return bytes + vertex_bytes * job.vertices + track_bytes(job, request);
@@ -275,8 +277,8 @@ std::string memory_text(const std::vector<WorkSize>& jobs, const CaseRequest& re
   return fmt::format(
       "about {} for {:.0f} samples of the program{}{}, {:.0f} vertices and {:.0f} {}",
       gigabyte_text(peak_memory(jobs, request)), total.samples,
-      total.window_samples > 0.0 ? " in memory" : "", steps, total.vertices, request.kept,
-      request.kept == 1.0 ? "case" : "cases");
+      total.window_samples > 0.0 ? " in memory" : "", steps, total.vertices, request.kept_maps,
+      request.kept_maps == 1.0 ? "case" : "cases");
 }
 
 /// Returns the keys that set the largest fraction of the memory.
@@ -296,18 +298,19 @@ std::vector<std::string> dominant_keys(const Scene& scene, const std::vector<Wor
 }  // namespace
 
 CaseRequest run_case_request(const std::optional<CaseDescription>& compensator) {
-  return {.kept = 1.0,
-          .compensated = compensator.has_value(),
-          .rewritten = compensator && compensator->channel == Channel::Program};
+  return {.kept_maps = 1.0,
+          .has_compensator = compensator.has_value(),
+          .has_rewritten_commands = compensator && compensator->channel == Channel::Program};
 }
 
 CaseRequest compare_case_request(const std::vector<Scene>& scenes) {
-  CaseRequest request{.kept = 1.0, .compared = true};
+  CaseRequest request{.kept_maps = 1.0, .has_comparison_picture = true};
   for (const Scene& scene : scenes) {
-    request.kept += 1.0 + double(scene.cases.size());
+    request.kept_maps += 1.0 + double(scene.cases.size());
     for (const CaseDescription& description : scene.cases) {
-      request.compensated = true;
-      request.rewritten = request.rewritten || description.channel == Channel::Program;
+      request.has_compensator = true;
+      request.has_rewritten_commands =
+          request.has_rewritten_commands || description.channel == Channel::Program;
     }
   }
   return request;
@@ -322,9 +325,9 @@ double peak_memory(const std::vector<WorkSize>& jobs, const CaseRequest& request
   // One job at a time is at its peak while the others are at rest.
   for (const WorkSize& job : jobs) {
     const double other_bytes = all_bytes - bytes_at_rest(job);
-    max_bytes = std::max({max_bytes, other_bytes + sampling_bytes(job),
-                          other_bytes + cutting_bytes(job, request),
-                          request.pictures ? other_bytes + drawing_bytes(job, request) : 0.0});
+    max_bytes = std::max(
+        {max_bytes, other_bytes + sampling_bytes(job), other_bytes + cutting_bytes(job, request),
+         request.draws_pictures ? other_bytes + drawing_bytes(job, request) : 0.0});
   }
   return bytes_of_program + max_bytes;
 }
@@ -334,7 +337,7 @@ int cases_at_once(const std::vector<WorkSize>& jobs, CaseRequest request) {
   const double max_bytes = (1.0 - min_free_fraction) * memory_bytes();
   const auto threads =
       tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
-  request.max_parallel = int(std::min(double(threads), request.kept));
+  request.max_parallel = int(std::min(double(threads), request.kept_maps));
   while (request.max_parallel > 1 && peak_memory(jobs, request) > max_bytes) --request.max_parallel;
   return std::max(request.max_parallel, 1);
 }

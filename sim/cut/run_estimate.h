@@ -17,9 +17,9 @@ struct WorkSize {
   double vertices = 0.0;
   double blocks = 0.0;
   double samples = 0.0;
-  bool stock = false;           ///< true if the stock is simulated
-  bool generated = false;       ///< true if the program is generated
-  bool collisions = false;      ///< true if collisions are searched
+  bool has_stock = false;       ///< true if the stock is simulated
+  bool is_generated = false;    ///< true if the program is generated
+  bool has_collisions = false;  ///< true if collisions are searched
   double window_samples = 0.0;  ///< number of samples held at once, of a job in windows; 0: all
   double window_steps = 0.0;    ///< number of steps of the cutting process of a job in windows
 };
@@ -38,8 +38,8 @@ std::vector<Stage> sampling_stages(const std::string& part, const WorkSize& size
 WorkSize size_after_sampling(WorkSize size, const Scene& scene);
 /// Returns the stages of the uncompensated case.
 std::vector<Stage> cut_stages(const std::string& part, const WorkSize& size);
-/// Returns the stages of a case with the learning and correcting of its compensator; without a
-/// compensator those of the uncompensated case.
+/// Returns the stages of a case, including the learning and the correction of its compensator;
+/// without a compensator, those of the uncompensated case.
 std::vector<Stage> cut_stages(const std::string& part, const WorkSize& size, const Scene& scene,
                               const std::optional<CaseDescription>& compensator);
 /// Returns the stages of the error-free case.
@@ -54,8 +54,8 @@ std::vector<Stage> rewriting_stages(const std::string& part, const WorkSize& siz
 /// Returns the stages of a collision search.
 std::vector<Stage> collision_stages(const std::string& part, const WorkSize& size);
 /// Returns the stages of computing and encoding a film.
-/// @param frames  their number
-/// @param pixels  number in a frame
+/// @param frames  number of frames
+/// @param pixels  number of pixels per frame
 std::vector<Stage> film_stages(const std::string& part, const WorkSize& size, double frames,
                                double pixels);
 /// Returns the stages of a picture that compares a number of maps.
@@ -70,13 +70,13 @@ std::vector<Stage> operator+(std::vector<Stage> first, std::vector<Stage> second
 
 /// The cases to be cut, for the estimate of memory.
 struct CaseRequest {
-  double kept = 1.0;         ///< number of maps kept until the last is written
-  bool compensated = false;  ///< true if a case has a compensator
-  bool rewritten = false;    ///< true if a case has commands with samples of their own
-  bool pictures = true;      ///< true if pictures are drawn
-  bool compared = false;     ///< true if one picture shows all cases
-  bool tracked = false;      ///< true if the tracks of the tools are kept
-  int max_parallel = 1;      ///< number of cases cut, and then drawn, at the same time
+  double kept_maps = 1.0;               ///< number of maps kept until the last is written
+  bool has_compensator = false;         ///< true if a case has a compensator
+  bool has_rewritten_commands = false;  ///< true if a case has commands with samples of their own
+  bool draws_pictures = true;           ///< true if pictures are drawn
+  bool has_comparison_picture = false;  ///< true if one picture shows all cases
+  bool keeps_tracks = false;            ///< true if the tracks of the tools are kept
+  int max_parallel = 1;                 ///< number of cases cut, and then drawn, at the same time
 };
 /// Returns the request of `run`: one case.
 CaseRequest run_case_request(const std::optional<CaseDescription>& compensator);
@@ -85,11 +85,12 @@ CaseRequest compare_case_request(const std::vector<Scene>& scenes);
 
 /// Returns the estimated peak memory, bytes, within 30 % on the scenes of its calibration. Dexels
 /// of a fine stock are not included.
-/// @param jobs  with judged vertices; all are in memory while the cases of one are cut
+/// @param jobs  sizes after the choice of the judged vertices; all are in memory while the cases of
+///        one are cut
 double peak_memory(const std::vector<WorkSize>& jobs, const CaseRequest& request);
 
 /// Returns the number of samples of a job with which its peak is within `memory_bytes`; 0 if it is
-/// below a hundred thousand, since windows cost more than they save then.
+/// below a hundred thousand, since windows then cost more than they save.
 /// @param jobs  number of jobs of this size that are in memory together
 std::size_t max_samples_in_memory(WorkSize job, const CaseRequest& request, std::size_t jobs = 1);
 
@@ -102,7 +103,7 @@ int cases_at_once(const std::vector<WorkSize>& jobs, CaseRequest request);
 void check_memory(const Scene& scene, const std::vector<WorkSize>& jobs, const CaseRequest& request,
                   const std::string& windows_obstacle = {});
 
-/// Returns a line about the memory for the user; empty below 2 GB.
+/// Returns a line that tells the user about the memory; empty below 2 GB.
 std::string memory_remark(const std::vector<WorkSize>& jobs, const CaseRequest& request);
 
 }  // namespace abbe::sim

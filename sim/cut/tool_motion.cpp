@@ -112,8 +112,8 @@ std::vector<kinematics::AxisVector> accelerations(const program::Samples& sample
 
 namespace {
 
-/// Returns a text such as ", whose words count in inches (G20 on line 2, after G21 on line 1)";
-/// empty for a block in mm.
+/// Returns a text such as ", with words in inches (G20 on line 2, after G21 on line 1)"; empty for
+/// a block in mm.
 std::string inch_text(const program::Path& path, const program::Block& block) {
   const auto later_word = std::ranges::find_if(
       path.unit_words, [&](const program::UnitWord& word) { return word.line > block.line; });
@@ -123,10 +123,7 @@ std::string inch_text(const program::Path& path, const program::Block& block) {
   // `unit_words` holds only changes of the unit, so G20 and G21 alternate: the word before a G20 is
   // a G21.
   std::string previous_text;
-  if (word_count > 1) {
-    const auto previous = current - 1;
-    previous_text = fmt::format(", after G21 on line {}", previous->line);
-  }
+  if (word_count > 1) previous_text = fmt::format(", after G21 on line {}", (current - 1)->line);
   return fmt::format(", with words in inches (G20 on line {}{})", current->line, previous_text);
 }
 

@@ -72,12 +72,12 @@ std::vector<Pose> tool_poses(const Segment& segment, const Commands& commands,
       segment, [&] { return actual_poses(run, sample_loads(run, process), sample_numbers); });
 }
 
-ToolTrack join_tracks(const std::vector<TrackedPart>& parts) {
+ToolTrack join_tracks(const std::vector<TrackedSegment>& segments) {
   using Eigen::Index;
   Index row_count = 0, axes = 0;
-  for (const TrackedPart& part : parts) {
-    row_count += Index(part.samples.states.size());
-    if (!part.samples.states.empty()) axes = part.samples.states.front().q.size();
+  for (const TrackedSegment& segment : segments) {
+    row_count += Index(segment.samples.states.size());
+    if (!segment.samples.states.empty()) axes = segment.samples.states.front().q.size();
   }
   using Rows = ToolTrack::Rows;
   ToolTrack track{Eigen::VectorXd(row_count), {},
@@ -86,15 +86,15 @@ ToolTrack join_tracks(const std::vector<TrackedPart>& parts) {
                   Rows(row_count, 3)};
   track.line.reserve(std::size_t(row_count));
   Index row = 0;
-  for (const TrackedPart& part : parts) {
-    track.line.insert(track.line.end(), part.samples.line.begin(), part.samples.line.end());
-    for (std::size_t i = 0; i < part.samples.states.size(); ++i, ++row) {
-      track.time_s[row] = part.samples.states[i].time_s;
-      track.q.row(row) = part.samples.states[i].q.transpose();
-      track.nominal_tip.row(row) = part.T_wt_nominal[i].translation().transpose();
-      track.nominal_direction.row(row) = part.T_wt_nominal[i].linear().col(2).transpose();
-      track.actual_tip.row(row) = part.T_wt[i].translation().transpose();
-      track.actual_direction.row(row) = part.T_wt[i].linear().col(2).transpose();
+  for (const TrackedSegment& segment : segments) {
+    track.line.insert(track.line.end(), segment.samples.line.begin(), segment.samples.line.end());
+    for (std::size_t i = 0; i < segment.samples.states.size(); ++i, ++row) {
+      track.time_s[row] = segment.samples.states[i].time_s;
+      track.q.row(row) = segment.samples.states[i].q.transpose();
+      track.nominal_tip.row(row) = segment.T_wt_nominal[i].translation().transpose();
+      track.nominal_direction.row(row) = segment.T_wt_nominal[i].linear().col(2).transpose();
+      track.actual_tip.row(row) = segment.T_wt[i].translation().transpose();
+      track.actual_direction.row(row) = segment.T_wt[i].linear().col(2).transpose();
     }
   }
   return track;
@@ -118,10 +118,10 @@ using kinematics::AxisState;
 
 /// The deviations of the tip and of a point above it on the tool axis, mm.
 struct ToolDeviation {
-  Vector3d tip, above;
+  Vector3d tip, upper_point;
 };
 
-// Samples the deviations of the tool.
+/// Samples the deviations of the tool.
 struct ErrorSampler {
   const Segment& segment;
   double height;  ///< of the point above the tip, mm
@@ -132,18 +132,18 @@ struct ErrorSampler {
     const kinematics::Chain& chain = segment.machine.nominal;
     const Pose nominal = chain.tool_in_workpiece(state.q);
     const Pose actual = tool_in_workpiece(segment.truth, state);
-    const Vector3d above = height * Vector3d::UnitZ();
+    const Vector3d upper_point_t = height * Vector3d::UnitZ();
     const ToolDeviation deviation{actual.translation() - nominal.translation(),
-                                  actual * above - nominal * above};
+                                  actual * upper_point_t - nominal * upper_point_t};
     if (!segment.machine.workpiece_spindle) return deviation;
     const Eigen::Matrix3d R_bw = chain.workpiece_in_bed(state.q).linear();
-    return {R_bw * deviation.tip, R_bw * deviation.above};
+    return {R_bw * deviation.tip, R_bw * deviation.upper_point};
   }
 };
 
-// Returns true if no axis reverses. The error steps at a reversal, which no denser sampling could
-// follow.
-bool is_without_reversal(const AxisState& from, const AxisState& to) {
+/// Returns true if no axis reverses. The error jumps at a reversal, which no denser sampling could
+/// follow.
+bool has_no_reversal(const AxisState& from, const AxisState& to) {
   return from.direction == to.direction && from.stroke == to.stroke;
 }
 
@@ -155,27 +155,29 @@ AxisState interpolated_state(const AxisState& from, const AxisState& to, double 
   return state;
 }
 
-/// Returns the distance, mm, of the errors between two samples from the line between those at the
-/// samples. It is evaluated in the middle, where long waves deviate most, and at the golden
-/// section, where waves show that divide the interval into whole parts.
+/// Returns the largest distance, mm, of the deviations between two samples from the straight line
+/// through those at the samples. They are evaluated in the middle, where long waves deviate most,
+/// and at the golden section, which reveals waves that fit in a whole number of times.
 double chord_deviation(const ErrorSampler& sampler, const AxisState& from, const AxisState& to) {
   const ToolDeviation start = sampler.at(from), end = sampler.at(to);
   double max_deviation = 0.0;
   for (const double fraction : {0.5, 0.3819660112501051}) {
-    const ToolDeviation deviation = sampler.at(interpolated_state(from, to, fraction));
-    max_deviation = std::max(
-        {max_deviation, (deviation.tip - start.tip - fraction * (end.tip - start.tip)).norm(),
-         (deviation.above - start.above - fraction * (end.above - start.above)).norm()});
+    const auto [tip, upper_point] = sampler.at(interpolated_state(from, to, fraction));
+    const Vector3d tip_sag = tip - start.tip - fraction * (end.tip - start.tip);
+    const Vector3d upper_sag =
+        upper_point - start.upper_point - fraction * (end.upper_point - start.upper_point);
+    max_deviation = std::max({max_deviation, tip_sag.norm(), upper_sag.norm()});
   }
   return max_deviation;
 }
 
-/// Returns the numbers of the samples at which intervals in feed end.
-std::vector<std::size_t> feed_ends(const program::Samples& samples, const program::Path& path) {
+/// Returns the numbers of the samples that end feed intervals over which no axis reverses.
+std::vector<std::size_t> feed_interval_ends(const program::Samples& samples,
+                                            const program::Path& path) {
   std::vector<std::size_t> ends;
   for (std::size_t i = 1; i < samples.states.size(); ++i)
     if (is_feed_sample(path, samples, i) &&
-        is_without_reversal(samples.states[i - 1], samples.states[i]))
+        has_no_reversal(samples.states[i - 1], samples.states[i]))
       ends.push_back(i);
   return ends;
 }
@@ -204,7 +206,7 @@ ChordError chord_error(const Segment& segment, const Commands& commands,
   ChordError result;
   // The numerical floor of a map is below 1 nm.
   result.tolerance = std::max(2.0 * units::nm, segment.scene.chord_tolerance);
-  for (const std::size_t i : random_subset(feed_ends(samples, path_of(segment, commands)),
+  for (const std::size_t i : random_subset(feed_interval_ends(samples, path_of(segment, commands)),
                                            max_intervals, segment.scene.seed)) {
     const AxisState &from = samples.states[i - 1], &to = samples.states[i];
     const double deviation = chord_deviation(sampler, from, to);
@@ -233,8 +235,8 @@ ChordError joined(const ChordError& a, const ChordError& b) {
 }
 
 std::vector<std::string> chord_error_warnings(const ChordError& chord_error, double tip_rms) {
-  // 50 nm is the smallest default resolution of a map. A hundredth of the deviation changes no
-  // figure of it.
+  // 50 nm is the smallest default resolution of a map. A hundredth of the deviation changes none of
+  // its figures.
   constexpr double tip_fraction = 0.01, min_reported = 50.0 * units::nm;
   if (!(chord_error.max > std::max({chord_error.tolerance, min_reported, tip_fraction * tip_rms})))
     return {};

@@ -68,14 +68,14 @@ struct ToolTrack {
 };
 
 /// A segment with its nominal and actual poses.
-struct TrackedPart {
+struct TrackedSegment {
   const program::Samples& samples;
   const std::vector<kinematics::Pose>& T_wt_nominal;  ///< (samples)
   const std::vector<kinematics::Pose>& T_wt;          ///< (samples)
 };
 
 /// Joins the tracks of the segments of a job, in order of time.
-ToolTrack join_tracks(const std::vector<TrackedPart>& parts);
+ToolTrack join_tracks(const std::vector<TrackedSegment>& segments);
 
 /// Returns a track in the part frame.
 /// @param T_wm  the part frame in the workpiece frame

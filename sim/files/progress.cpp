@@ -258,8 +258,8 @@ void ProgressLine::draw_progress() {
   draw(text);
 }
 
-Progress to(ProgressLine& line) {
-  return [&line](const std::string& stage, double fraction) { line.report(stage, fraction); };
+Progress progress_function(ProgressLine& progress_line) {
+  return std::bind_front(&ProgressLine::report, &progress_line);
 }
 
 namespace {
@@ -269,9 +269,9 @@ struct TaskCancelled {};
 
 class TaskRunner {
  public:
-  TaskRunner(const std::vector<Task>& tasks, ProgressLine& line)
+  TaskRunner(const std::vector<Task>& tasks, ProgressLine& progress_line)
       : tasks_(tasks),
-        line_(line),
+        progress_line_(progress_line),
         pending_reports_(tasks.size()),
         waiting_(tasks.size()),
         is_started_(tasks.size(), false),
@@ -322,7 +322,8 @@ class TaskRunner {
       // The failure of an earlier task makes this one pointless.
       if (task > failed_task_) throw TaskCancelled();
       stop_if_interrupted();
-      if (fraction < 0.0 || is_shown_now(task, stage, fraction)) line_.report(stage, fraction);
+      if (fraction < 0.0 || is_shown_now(task, stage, fraction))
+        progress_line_.report(stage, fraction);
     };
   }
 
@@ -345,16 +346,15 @@ class TaskRunner {
     show_started_tasks();
   }
 
-  /// Announces tasks in order, up to the first that is not finished, and shows their pending
-  /// reports.
+  /// Announces tasks in order, up to the first unfinished one, and shows their pending reports.
   void show_started_tasks() {
     const std::lock_guard lock(mutex_);
     while (shown_count_ < tasks_.size() && is_started_[shown_count_] &&
            (shown_count_ == 0 || is_finished_[shown_count_ - 1])) {
       const std::size_t task = shown_count_++;
-      line_.begin(tasks_[task].name);
+      progress_line_.begin(tasks_[task].name);
       for (const Report& report : pending_reports_[task])
-        line_.report(report.stage, report.fraction);
+        progress_line_.report(report.stage, report.fraction);
     }
   }
 
@@ -371,7 +371,7 @@ class TaskRunner {
   };
 
   const std::vector<Task>& tasks_;
-  ProgressLine& line_;
+  ProgressLine& progress_line_;
   std::mutex mutex_;
   std::vector<std::vector<Report>> pending_reports_;
   std::vector<std::size_t> waiting_;  // tasks not started, in the order in which they will start
@@ -383,8 +383,8 @@ class TaskRunner {
 
 }  // namespace
 
-void run_tasks(const std::vector<Task>& tasks, int max_parallel, ProgressLine& line) {
-  TaskRunner runner(tasks, line);
+void run_tasks(const std::vector<Task>& tasks, int max_parallel, ProgressLine& progress_line) {
+  TaskRunner runner(tasks, progress_line);
   if (max_parallel > 1) {
     runner.start_longest_first();
     // Isolated: a thread that waits for nested parallel work must not pick up another task

@@ -124,8 +124,8 @@ class ProgressLine {
   std::jthread ticker_;  ///< redraws while nothing is reported; on a terminal only
 };
 
-/// Returns a function that reports to a line, which must outlive it.
-Progress to(ProgressLine& line);
+/// Returns a function that reports to a progress line, which must outlive it.
+Progress progress_function(ProgressLine& progress_line);
 
 // Parallel tasks with a common progress line.
 
@@ -142,7 +142,7 @@ struct Task {
 /// If a task throws, the tasks after it stop at their next report. Uses only threads that the
 /// process already has.
 /// @throws the exception of the first task that failed, after all tasks have ended
-void run_tasks(const std::vector<Task>& tasks, int max_parallel, ProgressLine& line);
+void run_tasks(const std::vector<Task>& tasks, int max_parallel, ProgressLine& progress_line);
 
 // Memory limits of the process, and a stopwatch.
 
@@ -161,8 +161,7 @@ class Stopwatch {
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
-/// Returns the memory that a computation may use, bytes: that of the computer, or the limit of the
-/// process.
+/// Returns the memory that a computation may use, bytes: that of the computer or of the process.
 double memory_bytes();
 
 /// Returns the memory that the moves of a program may use, bytes: a third of the total; the rest is

@@ -36,16 +36,16 @@ void flush_output() {
   throw OutputFailure("standard output: cannot be written: " + reason);
 }
 
-ordered_json escape_lines(const ordered_json& json) {
+ordered_json escape_strings(const ordered_json& json) {
   if (json.is_string()) return escaped(json.get_ref<const std::string&>());
   if (json.is_array()) {
     ordered_json array = ordered_json::array();
-    for (const ordered_json& element : json) array.push_back(escape_lines(element));
+    for (const ordered_json& element : json) array.push_back(escape_strings(element));
     return array;
   }
   if (!json.is_object()) return json;
   ordered_json object = ordered_json::object();
-  for (const auto& [key, value] : json.items()) object[escaped(key)] = escape_lines(value);
+  for (const auto& [key, value] : json.items()) object[escaped(key)] = escape_strings(value);
   return object;
 }
 

@@ -11,8 +11,7 @@
 
 #include "kinematics/bad_input.h"
 
-/// Functions that print to the terminal. Every text is printed on one line, with control characters
-/// escaped.
+/// Prints to the terminal, every text on one line and with its control characters escaped.
 namespace abbe::sim {
 
 /// A text that abbe composed of several lines. Texts from elsewhere in it must be escaped to one
@@ -59,6 +58,6 @@ void flush_output();
 
 /// Returns the JSON with every string and key escaped to one line, so that no external text
 /// can begin a line in a report.
-nlohmann::ordered_json escape_lines(const nlohmann::ordered_json& json);
+nlohmann::ordered_json escape_strings(const nlohmann::ordered_json& json);
 
 }  // namespace abbe::sim

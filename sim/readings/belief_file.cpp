@@ -171,8 +171,9 @@ void write_covariance(std::string& text, const errors::GeometricErrors& belief) 
 
 }  // namespace
 
-std::string to_errors_file(const errors::GeometricErrors& belief, const std::vector<Joint>& joints,
-                           const std::vector<std::string>& comments) {
+std::string errors_file_text(const errors::GeometricErrors& belief,
+                             const std::vector<Joint>& joints,
+                             const std::vector<std::string>& comments) {
   std::string text;
   for (const std::string& comment : comments) text += "# " + comment + "\n";
   for (const Element& element : belief.elements) {

@@ -15,8 +15,8 @@ namespace abbe::sim {
 /// @param joints    joints of the machine, for the units of positions
 /// @param comments  lines at the top of the file, each after "# "
 /// @throws std::invalid_argument for a random curve, which a belief cannot hold
-std::string to_errors_file(const errors::GeometricErrors& belief,
-                           const std::vector<kinematics::Joint>& joints,
-                           const std::vector<std::string>& comments = {});
+std::string errors_file_text(const errors::GeometricErrors& belief,
+                             const std::vector<kinematics::Joint>& joints,
+                             const std::vector<std::string>& comments = {});
 
 }  // namespace abbe::sim

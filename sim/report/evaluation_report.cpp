@@ -89,7 +89,7 @@ std::string line(const Figure& figure, const std::string& label) {
     return fmt::format("{:<40} {:>12}\n", label, escaped(*text));
   if (std::holds_alternative<std::monostate>(figure.value))
     return fmt::format("{:<40} {:>12}\n", label, "-");
-  return fmt::format("{:<40} {:>12}\n", label, escape_lines(value_json(figure)).dump());
+  return fmt::format("{:<40} {:>12}\n", label, escape_strings(value_json(figure)).dump());
 }
 
 /// Returns figures and, indented, groups of figures as lines of text.

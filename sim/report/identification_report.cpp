@@ -585,7 +585,7 @@ std::string geometric_text(const IdentificationResult& identified) {
   for (const std::string& comment : comments) text += "# " + comment + "\n";
   text += fmt::format("machine = {}\n", to_toml_value(machine_code(identified)));
   text += unidentified_lines(unidentified_numbers(identified));
-  return text + to_errors_file(completed(identified), identified.nominal.joints());
+  return text + errors_file_text(completed(identified), identified.nominal.joints());
 }
 
 /// Returns the thermal belief of a day. Its head states the trained range, outside of which the

@@ -244,9 +244,9 @@ std::string to_text(const std::vector<KeyRow>& rows) {
     if (!row.condition.empty()) text += "  with " + row.condition;
     text += "\n    " + row.value + (row.unit.empty() ? "" : " (" + row.unit + ")");
     if (row.required) text += "; required";
-    if (!row.fallback.empty()) text += "; default " + row.fallback;
+    if (!row.default_value.empty()) text += "; default " + row.default_value;
     text += "\n";
-    if (!row.sentence.empty()) text += "    " + row.sentence + "\n";
+    if (!row.description.empty()) text += "    " + row.description + "\n";
   }
   return text;
 }
@@ -269,8 +269,8 @@ std::vector<KeyRow> matching_key_rows(const std::vector<Key>& keys, std::string_
     new_rows.front().condition = match.condition;
     // If several values enable the same key, it gets one row with all its conditions.
     const auto same = std::find_if(rows.begin(), rows.end(), [&](const KeyRow& row) {
-      return row.path == first.path && row.value == first.value && row.fallback == first.fallback &&
-             row.sentence == first.sentence;
+      return row.path == first.path && row.value == first.value &&
+             row.default_value == first.default_value && row.description == first.description;
     });
     if (same == rows.end())
       rows.insert(rows.end(), new_rows.begin(), new_rows.end());

@@ -8,6 +8,7 @@
 
 #include "sim/scene/table_reader.h"
 
+/// Reference tables and the JSON Schema of the keys of a file.
 namespace abbe::sim {
 
 /// A key as a row of a reference table.
@@ -16,10 +17,10 @@ struct KeyRow {
   std::string condition;  ///< value of another key that enables it, such as `surface = "disc"`;
                           ///< empty: always enabled
   bool required = false;
-  std::string unit;      ///< such as "mm"; empty: none
-  std::string value;     ///< allowed values: "> 0", "3 numbers", "\"zigzag\" or \"one_way\""
-  std::string fallback;  ///< default value; empty: none
-  std::string sentence;  ///< description
+  std::string unit;           ///< such as "mm"; empty: none
+  std::string value;          ///< allowed values: "> 0", "3 numbers", "\"zigzag\" or \"one_way\""
+  std::string default_value;  ///< empty: none
+  std::string description;
 };
 
 /// Returns the rows of keys and of the keys of their tables, in order.

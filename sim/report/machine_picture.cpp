@@ -387,7 +387,7 @@ render::MachinePicture machine_picture(const Job& job) {
   const auto add_paths = [&](const std::string& name, double error_factor,
                              const render::Colour& colour) {
     for (std::size_t k = 0; k < trace.passes.size(); ++k) {
-      render::Polyline path{k == 0 ? name : std::string(), {}, colour, 2.0};
+      render::DrawnPath path{k == 0 ? name : std::string(), {}, colour, 2.0};
       path.points.resize(Eigen::Index(trace.passes[k].size()), 3);
       for (std::size_t i = 0; i < trace.passes[k].size(); ++i) {
         const Trace::Point& point = trace.passes[k][i];
@@ -514,17 +514,17 @@ render::MachinePicture machine_picture(const ProgramInspection& inspection) {
     const bool is_rapid = trace.rapid[runs[k].second - 1] != 0;
     const std::vector<Vector3d> points = run_points(trace, runs[k], step, drawn_box);
     if (points.size() < 2) continue;
-    render::Polyline line{
+    render::DrawnPath path{
         std::exchange(has_label[is_rapid], true) ? ""
         : is_rapid                               ? "rapid"
                                                  : "feed",
         {},
         is_rapid ? render::Colour{0.80, 0.45, 0.20} : render::Colour{0.20, 0.35, 0.65},
         is_rapid ? 1.2 : 2.0};
-    line.points.resize(Eigen::Index(points.size()), 3);
+    path.points.resize(Eigen::Index(points.size()), 3);
     for (std::size_t i = 0; i < points.size(); ++i)
-      line.points.row(Eigen::Index(i)) = (T_bw * points[i]).transpose();
-    picture.paths.push_back(std::move(line));
+      path.points.row(Eigen::Index(i)) = (T_bw * points[i]).transpose();
+    picture.paths.push_back(std::move(path));
   }
   picture.caption = {blocks_text(inspection.description) +
                          "; axes at home position; path of the tip in the workpiece, rapids "

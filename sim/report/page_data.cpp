@@ -85,8 +85,8 @@ std::vector<std::uint32_t> coded_differences(const Eigen::MatrixXi& numbers,
         codes.push_back(missing_code);
         continue;
       }
-      const bool is_referred = reference && (*reference)[row] != missing;
-      const int number = column[row] - (is_referred ? (*reference)[row] : 0);
+      const bool has_reference = reference && (*reference)[row] != missing;
+      const int number = column[row] - (has_reference ? (*reference)[row] : 0);
       codes.push_back(zigzag(number - preceding));
       preceding = number;
     }
@@ -108,8 +108,8 @@ struct ColumnRange {
   double low = std::numeric_limits<double>::infinity(), high = -low;
 };
 
-/// Returns the range of the values that are not NaN; zero without any.
-ColumnRange range_of(const Eigen::Ref<const Eigen::VectorXd>& values) {
+/// Returns the range of the values that are not NaN; zero if there are none.
+ColumnRange value_range(const Eigen::Ref<const Eigen::VectorXd>& values) {
   ColumnRange range;
   for (const double value : values) {
     if (std::isinf(value)) throw std::invalid_argument("a value to pack is infinite");
@@ -157,7 +157,7 @@ Eigen::MatrixXi numbers_of(const Eigen::MatrixXd& values, double step,
 PackedColumns pack_values(const Eigen::MatrixXd& values, double step) {
   std::vector<double> offset;
   for (const auto& column : values.colwise()) {
-    const ColumnRange range = range_of(column);
+    const ColumnRange range = value_range(column);
     // The offset is the middle of the range, so that signed 16 bits suffice. Both ends are halved
     // before the sum, which could overflow.
     offset.push_back(range.low / 2.0 + range.high / 2.0);
@@ -169,13 +169,13 @@ PackedColumns pack_values(const Eigen::MatrixXd& values, double step) {
 }
 
 double step_for_16_bits(const Eigen::MatrixXd& values) {
-  double half = 0.0;
+  double half_range = 0.0;
   for (Eigen::Index column = 0; column < values.cols(); ++column) {
-    const ColumnRange range = range_of(values.col(column));
-    half = std::max(half, range.high / 2.0 - range.low / 2.0);
+    const ColumnRange range = value_range(values.col(column));
+    half_range = std::max(half_range, range.high / 2.0 - range.low / 2.0);
   }
   // Numbers from -32767 to 32767 about the middle of the range.
-  return half > 0.0 ? half / 32767.0 : 1.0;
+  return half_range > 0.0 ? half_range / 32767.0 : 1.0;
 }
 
 std::string base64(std::string_view bytes) {
@@ -198,13 +198,13 @@ std::string base64(std::string_view bytes) {
 
 void add(PageData& data, const std::string& name, const PackedColumns& packed,
          const std::vector<std::string>& references) {
-  ordered_json about{{"n", packed.rows}, {"components", packed.columns}};
-  if (packed.reference >= 0) about["reference"] = references[std::size_t(packed.reference)];
+  ordered_json description{{"n", packed.rows}, {"components", packed.columns}};
+  if (packed.reference >= 0) description["reference"] = references[std::size_t(packed.reference)];
   if (!packed.step.empty()) {
-    about["offset"] = packed.offset;
-    about["step"] = packed.step;
+    description["offset"] = packed.offset;
+    description["step"] = packed.step;
   }
-  data.index["arrays"][name] = about;
+  data.index["arrays"][name] = description;
   data.blocks += "<script type=\"text/plain\" id=\"a:" + name + "\">" + packed.text + "</script>\n";
 }
 

@@ -423,10 +423,10 @@ void write_comparison_picture(const ResultFile& file, const Scene& scene,
 
 void write_check_picture(const ResultFile& file, const Job& job) {
   write_file(file, [&](const std::filesystem::path& temporary) {
-    render::MachineOptions options;
+    render::MachinePictureOptions options;
     // A turned part is viewed from the front.
     if (job.machine.workpiece_spindle) options.from = Eigen::Vector3d(1.0, -0.8, 0.6);
-    render::write_machine(temporary, machine_picture(job), options);
+    render::write_machine_picture(temporary, machine_picture(job), options);
   });
 }
 
@@ -438,7 +438,7 @@ void write_collision_pictures(const ResultFolder& folder, const Job& job,
     remove_file(event_file);
   else
     write_file(event_file, [&](const std::filesystem::path& temporary) {
-      render::write_machine(temporary, collision_picture(job, collisions, *event));
+      render::write_machine_picture(temporary, collision_picture(job, collisions, *event));
     });
   const render::Panel panel = clearance_panel(collisions);
   if (panel.series.empty()) return remove_file(chart_file);
@@ -452,7 +452,7 @@ void write_collision_pictures(const ResultFolder& folder, const Job& job,
 
 void write_program_picture(const ResultFile& file, const ProgramInspection& inspection) {
   write_file(file, [&](const std::filesystem::path& temporary) {
-    render::write_machine(temporary, machine_picture(inspection));
+    render::write_machine_picture(temporary, machine_picture(inspection));
   });
 }
 

@@ -90,10 +90,10 @@ std::vector<std::string> stock_caption(const Verdict& verdict, const StockCheck&
 
 render::StockPicture stock_picture(const Job& job, const Verdict& verdict, const StockCheck& check,
                                    const render::StockField& field) {
-  constexpr int max_marks = 8;  // of a kind, for the largest findings; those in view are drawn
+  constexpr int max_marks = 8;  // per kind, for the largest findings; those in view are drawn
   const Eigen::Isometry3d T_mw = job.scene.part.T_wm.inverse();
   render::StockPicture picture;
-  picture.title = job.scene.title + ": machined body of " + verdict.cut.name + "";
+  picture.title = job.scene.title + ": machined body of " + verdict.cut.name;
   picture.field = field;
   picture.field.mesh.vertices_w = (field.mesh.vertices_w * T_mw.linear().transpose()).rowwise() +
                                   T_mw.translation().transpose();
@@ -152,7 +152,7 @@ render::MachinePicture collision_picture(const Job& job, const Collisions& colli
     const bool is_involved = solid.name == event.a || solid.name == event.b;
     const kinematics::Pose& T_b = T[std::size_t(solid.frame)];
     if (solid.kind == SolidBody::Kind::Part) {
-      // The stock of the moment of the event is drawn, not the finished part.
+      // The stock at the moment of the event is drawn, not the finished part.
       const cutting::ClosedMesh& shape = event.stock ? *event.stock : solid.mesh;
       picture.part_vertices = cutting::transformed_mesh(shape, T_b).vertices;
       picture.part_triangles = shape.triangles;
@@ -166,7 +166,7 @@ render::MachinePicture collision_picture(const Job& job, const Collisions& colli
     body.shape = render::SolidShape{solid.mesh.vertices, solid.mesh.triangles};
     body.colour = is_involved ? red : grey;
     body.opacity = is_involved ? 1.0 : 0.35;
-    // The close view shows the two bodies and the whole tool.
+    // The close-up view shows the two bodies and the whole tool.
     body.in_close_up = is_involved || solid.frame == Carriers{segment.truth.actual.size()}.tool();
     picture.bodies.push_back(std::move(body));
   }
@@ -186,8 +186,8 @@ namespace {
 /// Returns the pairs that are the nearest pair of some block, sorted by the number of contacts,
 /// then by the number of blocks.
 std::vector<int> plotted_pairs(const std::vector<BlockClearance>& blocks) {
-  std::map<int, std::pair<std::size_t, std::size_t>>
-      counts_by_pair;  // number of contacts, number of blocks
+  // Number of contacts, number of blocks.
+  std::map<int, std::pair<std::size_t, std::size_t>> counts_by_pair;
   for (const BlockClearance& block : blocks) {
     if (block.pair < 0) continue;
     counts_by_pair[block.pair].first += block.min_clearance == 0.0;
@@ -216,15 +216,15 @@ render::Series clearance_steps(const std::vector<BlockClearance>& blocks, int pa
   return series;
 }
 
-/// Returns a point for every block with contact: a short block would not be visible as a step.
+/// Returns a point for every block with contact, because the step of a short one is invisible.
 render::Series contact_points(const std::vector<BlockClearance>& blocks, int pair) {
-  std::vector<double> middle;
+  std::vector<double> times_s;
   for (const BlockClearance& block : blocks)
     if (block.pair == pair && block.min_clearance == 0.0)
-      middle.push_back(0.5 * (block.place.time_s + block.end_s));
+      times_s.push_back(0.5 * (block.place.time_s + block.end_s));
   render::Series series;
   series.curve_style = render::CurveStyle::Points;
-  series.x = Eigen::Map<const Eigen::VectorXd>(middle.data(), Eigen::Index(middle.size()));
+  series.x = Eigen::Map<const Eigen::VectorXd>(times_s.data(), Eigen::Index(times_s.size()));
   series.y = Eigen::VectorXd::Zero(series.x.size());
   return series;
 }

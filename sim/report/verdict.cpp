@@ -147,9 +147,10 @@ std::string tolerance_warning(const Job& job, const Cut& cut, const cutting::Sta
         key, width_um, pv_um, width_um < pv_um ? "mm" : "nm");
   };
   if (!(pv_um > 0.0)) return {};
-  const std::optional<double> half = narrowest_half_width(job.scene.part);
-  if (half && *half > 0.0)
-    if (std::string warning = text("part.tolerance_um", 2.0 * *half / units::um); !warning.empty())
+  const std::optional<double> half_width = narrowest_half_width(job.scene.part);
+  if (half_width && *half_width > 0.0)
+    if (std::string warning = text("part.tolerance_um", 2.0 * *half_width / units::um);
+        !warning.empty())
       return warning;
   const std::optional<double> limit = job.scene.limits.pv_um;
   return limit && *limit > 0.0 ? text("limits.pv_um", *limit) : "";

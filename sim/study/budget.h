@@ -109,7 +109,8 @@ struct Proof {
 /// The responses along the values of a sweep.
 struct SweepResult {
   int sweep = 0;
-  std::vector<std::vector<Eigen::VectorXd>> answers;  ///< (arms)(responses), each (values)
+  std::vector<std::vector<Eigen::VectorXd>>
+      answers;  ///< (configurations)(responses), each (values)
 };
 
 /// The results of a study.
@@ -153,7 +154,7 @@ std::string to_text(const Budget& budget);
 /// Writes the pictures for which the budget has data: pareto-CONFIGURATION,
 /// tornado-CONFIGURATION-RESPONSE, indices-CONFIGURATION-RESPONSE (convergence),
 /// correlation-CONFIGURATION, distribution-RESPONSE (all configurations) and sweep-INPUT, .png;
-/// file_part() makes the names. Writes nothing if the program was built without VTK.
+/// `file_name_part` makes the names. Writes nothing if the program was built without VTK.
 /// @param progress  shows one stage, "budget"
 /// @throws OutputFailure, Interrupted
 void write_pictures(const ResultFolder& folder, const Budget& budget,
@@ -184,16 +185,14 @@ double chance_correlation(const ResponseBudget& response);
 /// beyond chance. The basis is None without any of them, or if the response varies by less than the
 /// floor of 1 nm.
 Ranking ranking(const ResponseBudget& response, std::size_t inputs);
-/// Ranks by the larger one-at-a-time change, as a tornado chart does; changes below 1 nm count as
-/// zero.
+/// Ranks by the larger one-at-a-time change, as in a tornado chart; changes below 1 nm count as 0.
 Ranking change_ranking(const ResponseBudget& response, std::size_t inputs);
 /// Ranks by contributions to the map of a configuration.
 Ranking map_ranking(const ConfigurationBudget& arm, std::size_t inputs);
 
 /// Returns the label of the total of which the shares of a ranking are fractions.
 const char* share_of(Ranking::Basis basis);
-/// Returns the label of the remainder that no share of a ranking contains; empty if the basis has
-/// none.
+/// Returns the label of the remainder that no share contains; empty if the basis has none.
 const char* remainder_name(Ranking::Basis basis);
 
 /// Returns the inputs with the three largest shares above zero, largest first; empty if these do

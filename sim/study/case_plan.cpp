@@ -48,16 +48,16 @@ Eigen::MatrixXd monte_carlo_inputs(const Study& study, std::uint64_t from, std::
 }
 
 Eigen::MatrixXd sobol_inputs(const Study& study, std::uint64_t from, std::uint64_t to) {
-  const auto columns = std::uint64_t(study.inputs.size()) + 2;
+  const auto cases_per_point = std::uint64_t(study.inputs.size()) + 2;
   // In Saltelli's design A and B are the halves of a point of one sequence with twice the
   // dimensions. Two sequences would be correlated.
   const Sequence sequence{Sampling::Sobol, 2 * int(study.inputs.size()), study.seed ^ sobol_stream};
-  const std::uint64_t first = from / columns, last = (to - 1) / columns + 1;
+  const std::uint64_t first = from / cases_per_point, last = (to - 1) / cases_per_point + 1;
   const Eigen::MatrixXd base = points(sequence, first, Eigen::Index(last - first));
   Eigen::MatrixXd u(Eigen::Index(study.inputs.size()), Eigen::Index(to - from));
   for (std::uint64_t k = from; k < to; ++k)
     u.col(Eigen::Index(k - from)) =
-        sobol_column(base.col(Eigen::Index(k / columns - first)), int(k % columns));
+        sobol_column(base.col(Eigen::Index(k / cases_per_point - first)), int(k % cases_per_point));
   return draw_inputs(study, u);
 }
 
@@ -167,48 +167,47 @@ std::vector<Batch> make_batches(const Plan& plan) {
 
 namespace {
 
-/// Jobs that cases reuse, so that no case copies a program. There are as many as cases that run at
-/// the same time.
+/// Jobs that cases reuse, so that no case copies a program. There are as many jobs as there are
+/// cases running at the same time.
 class JobPool {
  public:
-  Job take(const PreparedConfiguration& ready, std::size_t arm) {
+  Job take(const PreparedConfiguration& prepared, std::size_t configuration) {
     {
       const std::lock_guard lock(mutex_);
-      if (arm < jobs_by_configuration_.size() && !jobs_by_configuration_[arm].empty()) {
-        Job job = std::move(jobs_by_configuration_[arm].back());
-        jobs_by_configuration_[arm].pop_back();
+      if (configuration < jobs_.size() && !jobs_[configuration].empty()) {
+        Job job = std::move(jobs_[configuration].back());
+        jobs_[configuration].pop_back();
         return job;
       }
     }
-    return ready.job;
+    return prepared.job;
   }
-  void return_job(std::size_t arm, Job job) {
+  void return_job(std::size_t configuration, Job job) {
     const std::lock_guard lock(mutex_);
-    if (arm >= jobs_by_configuration_.size()) jobs_by_configuration_.resize(arm + 1);
-    jobs_by_configuration_[arm].push_back(std::move(job));
+    if (configuration >= jobs_.size()) jobs_.resize(configuration + 1);
+    jobs_[configuration].push_back(std::move(job));
   }
 
  private:
   std::mutex mutex_;
-  std::vector<std::vector<Job>> jobs_by_configuration_;
+  std::vector<std::vector<Job>> jobs_;  // (configurations) not in use
 };
 
-std::vector<Row> empty_rows(const PreparedStudy& ready, const Batch& batch) {
-  const std::size_t columns = ready.study.configurations.size() * ready.study.responses.size();
+std::vector<Row> empty_rows(const Study& study, const Batch& batch) {
+  const std::size_t columns = study.configurations.size() * study.responses.size();
   std::vector<Row> rows;
   for (std::uint64_t i = batch.first; i < batch.last; ++i)
     rows.push_back({i, std::vector<double>(columns, std::numeric_limits<double>::quiet_NaN()), ""});
   return rows;
 }
 
-void enter_responses(const PreparedStudy& ready, std::size_t arm, const Eigen::VectorXd& values,
+void enter_responses(const Study& study, std::size_t configuration, const Eigen::VectorXd& values,
                      Row& row) {
-  for (std::size_t i = 0; i < ready.study.responses.size(); ++i)
-    row.response_values[response_column(ready.study, arm, i)] = values[Eigen::Index(i)];
+  for (std::size_t i = 0; i < study.responses.size(); ++i)
+    row.response_values[response_column(study, configuration, i)] = values[Eigen::Index(i)];
 }
 
-/// Returns the reason why a map with gouges has no response: the figures would leave out its worst
-/// part.
+/// Returns why a map with gouges has no response: the figures would leave out its worst part.
 std::string gouge_message(std::size_t gouges, double band) {
   return fmt::format(
       "expected no gouge deeper than the band of {} mm, seen {} {} with such a gouge", band, gouges,
@@ -223,30 +222,33 @@ std::string missing_response_reason(const cutting::Surface& surface, double band
   return is_cut ? "" : "nothing of the part was cut";
 }
 
-void add_failure(Row& row, const PreparedStudy& ready, std::size_t arm, const std::string& reason) {
-  row.fault += (row.fault.empty() ? "" : "; ") + ready.configurations[arm].arm.name + ": " + reason;
+void add_failure(Row& row, const PreparedConfiguration& configuration, const std::string& reason) {
+  row.fault += (row.fault.empty() ? "" : "; ") + configuration.arm.name + ": " + reason;
 }
 
 /// Cuts every case of the batch in full.
-std::vector<Row> cut_batch(const PreparedStudy& ready, JobPool& pool, const Batch& batch) {
-  std::vector<Row> rows = empty_rows(ready, batch);
-  const Eigen::MatrixXd x = case_inputs(ready.study, ready.plan, batch.first, batch.last);
+std::vector<Row> cut_batch(const PreparedStudy& prepared, JobPool& pool, const Batch& batch) {
+  const Study& study = prepared.study;
+  std::vector<Row> rows = empty_rows(study, batch);
+  const Eigen::MatrixXd x = case_inputs(study, prepared.plan, batch.first, batch.last);
   for (std::size_t i = 0; i < rows.size(); ++i)
-    for (std::size_t arm = 0; arm < ready.configurations.size(); ++arm) {
+    for (std::size_t k = 0; k < prepared.configurations.size(); ++k) {
+      const PreparedConfiguration& configuration = prepared.configurations[k];
       stop_if_interrupted();
       try {
-        CutCase machine = cut_at(ready.study, ready.configurations[arm],
-                                 pool.take(ready.configurations[arm], arm), x.col(Eigen::Index(i)));
-        const std::string reason = missing_response_reason(machine.surface, machine.job.scene.band);
+        CutCase cut_case =
+            cut_at(study, configuration, pool.take(configuration, k), x.col(Eigen::Index(i)));
+        const double band = cut_case.job.scene.band;
+        const std::string reason = missing_response_reason(cut_case.surface, band);
         if (reason.empty())
-          enter_responses(ready, arm, machine.responses, rows[i]);
+          enter_responses(study, k, cut_case.responses, rows[i]);
         else
-          add_failure(rows[i], ready, arm, reason);
-        pool.return_job(arm, std::move(machine.job));
+          add_failure(rows[i], configuration, reason);
+        pool.return_job(k, std::move(cut_case.job));
       } catch (const BadScene& error) {
-        add_failure(rows[i], ready, arm, error.what());
+        add_failure(rows[i], configuration, error.what());
       } catch (const BadInput& error) {
-        add_failure(rows[i], ready, arm, error.what());
+        add_failure(rows[i], configuration, error.what());
       }
     }
   return rows;
@@ -254,22 +256,22 @@ std::vector<Row> cut_batch(const PreparedStudy& ready, JobPool& pool, const Batc
 
 /// Estimates every case of the batch from the influence maps. A configuration that gouges with all
 /// inputs at their centres has no response, since its map has no passes where it is worst.
-std::vector<Row> estimate_batch(const PreparedStudy& ready, const Batch& batch) {
+std::vector<Row> estimate_batch(const PreparedStudy& prepared, const Batch& batch) {
   stop_if_interrupted();
-  std::vector<Row> rows = empty_rows(ready, batch);
-  const Eigen::MatrixXd x = case_inputs(ready.study, ready.plan, batch.first, batch.last);
-  for (std::size_t arm = 0; arm < ready.configurations.size(); ++arm) {
-    const std::size_t gouges = gouge_count(ready.influences[arm]);
+  const Study& study = prepared.study;
+  std::vector<Row> rows = empty_rows(study, batch);
+  const Eigen::MatrixXd x = case_inputs(study, prepared.plan, batch.first, batch.last);
+  for (std::size_t k = 0; k < prepared.configurations.size(); ++k) {
+    const PreparedConfiguration& configuration = prepared.configurations[k];
+    const std::size_t gouges = gouge_count(prepared.influences[k]);
     if (gouges > 0) {
       for (Row& row : rows)
-        add_failure(row, ready, arm,
-                    gouge_message(gouges, ready.configurations[arm].job.scene.band));
+        add_failure(row, configuration, gouge_message(gouges, configuration.job.scene.band));
       continue;
     }
-    const Eigen::MatrixXd values =
-        responses(ready.study, ready.configurations[arm], ready.influences[arm], x);
+    const Eigen::MatrixXd values = responses(study, configuration, prepared.influences[k], x);
     for (std::size_t i = 0; i < rows.size(); ++i)
-      enter_responses(ready, arm, values.col(Eigen::Index(i)), rows[i]);
+      enter_responses(study, k, values.col(Eigen::Index(i)), rows[i]);
   }
   return rows;
 }
@@ -277,26 +279,26 @@ std::vector<Row> estimate_batch(const PreparedStudy& ready, const Batch& batch) 
 }  // namespace
 
 PreparedStudy prepare_study(const Study& study, const Progress& progress) {
-  PreparedStudy ready{study, make_plan(study), {}, {}};
-  if (study.inputs.empty()) return ready;
-  for (const Configuration& arm : study.configurations)
-    ready.configurations.push_back(prepare_configuration(study, arm, progress));
+  PreparedStudy prepared{study, make_plan(study), {}, {}};
+  if (study.inputs.empty()) return prepared;
+  for (const Configuration& configuration : study.configurations)
+    prepared.configurations.push_back(prepare_configuration(study, configuration, progress));
   if (study.engine != Engine::Full)
-    for (const PreparedConfiguration& arm : ready.configurations)
-      ready.influences.push_back(influence_map(study, arm, progress));
-  return ready;
+    for (const PreparedConfiguration& prepared_configuration : prepared.configurations)
+      prepared.influences.push_back(influence_map(study, prepared_configuration, progress));
+  return prepared;
 }
 
-ComputeBatch batch_computation(const PreparedStudy& ready) {
+ComputeBatch batch_computation(const PreparedStudy& prepared) {
   const auto pool = std::make_shared<JobPool>();
-  return [&ready, pool](const Batch& batch) {
-    return find_block(ready.plan, batch.first).full ? cut_batch(ready, *pool, batch)
-                                                    : estimate_batch(ready, batch);
+  return [&prepared, pool](const Batch& batch) {
+    return find_block(prepared.plan, batch.first).full ? cut_batch(prepared, *pool, batch)
+                                                       : estimate_batch(prepared, batch);
   };
 }
 
-std::size_t response_column(const Study& study, std::size_t arm, std::size_t response) {
-  return arm * study.responses.size() + response;
+std::size_t response_column(const Study& study, std::size_t configuration, std::size_t response) {
+  return configuration * study.responses.size() + response;
 }
 
 }  // namespace abbe::sim::study

@@ -27,16 +27,14 @@ struct Plan {
   std::vector<Block> blocks;
   std::uint64_t cases = 0;
 };
-/// Returns the plan of a study. Its order must never change, because it numbers the cases in
-/// journals.
+/// Returns the plan of a study. Its order must never change: it numbers the cases in journals.
 Plan make_plan(const Study& study);
 
 /// Returns the block that contains a case.
 /// @param index  below plan.cases
 const Block& find_block(const Plan& plan, std::uint64_t index);
 
-/// Returns the values of the inputs for points of the unit cube, correlated by the copula of a
-/// study.
+/// Returns the values of the inputs at points of the unit cube, correlated by a study's copula.
 /// @param u  (inputs x cases)
 Eigen::MatrixXd draw_inputs(const Study& study, const Eigen::MatrixXd& u);
 
@@ -60,13 +58,13 @@ struct PreparedStudy {
 /// @throws BadScene, BadInput
 PreparedStudy prepare_study(const Study& study, const Progress& progress = {});
 
-/// Returns the function that computes a batch. It is thread-safe; `ready` must outlive it. The rows
-/// of a batch do not depend on the process that computes it. A machine that cannot cut the program
-/// gives a row with the reason.
-ComputeBatch batch_computation(const PreparedStudy& ready);
+/// Returns the function that computes a batch. It is thread-safe; `prepared` must outlive it.
+/// The rows of a batch do not depend on the process that computes it. A machine that cannot cut the
+/// program gives a row with the reason.
+ComputeBatch batch_computation(const PreparedStudy& prepared);
 
 /// Returns the column of a response in the responses of a row: configuration by configuration,
 /// response by response.
-std::size_t response_column(const Study& study, std::size_t arm, std::size_t response);
+std::size_t response_column(const Study& study, std::size_t configuration, std::size_t response);
 
 }  // namespace abbe::sim::study

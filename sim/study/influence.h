@@ -50,8 +50,7 @@ std::size_t gouge_count(const InfluenceMap& influence);
 /// numbers.
 inline constexpr int machines_per_lot = 72;
 
-/// Returns the maps of many machines. The bits of a case do not depend on the cases computed with
-/// it.
+/// Returns the maps of many machines. The bits of a case do not depend on the others.
 /// @param x (p x cases) inputs
 /// @return (n x cases) mm, NaN where not cut
 Eigen::MatrixXd maps(const InfluenceMap& influence, const Eigen::MatrixXd& x);

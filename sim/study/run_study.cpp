@@ -328,7 +328,7 @@ class ResultWriter {
     }
     if (study_.histories) {
       progress_.begin("histories");
-      days = histories(study_, to(progress_));
+      days = histories(study_, progress_function(progress_));
       write_histories(folder_, study_, days);
       result.json["histories"] = to_json(days);
       result.text += to_text(with_escaped_names(days));
@@ -347,12 +347,12 @@ class ResultWriter {
  private:
   Budget write_budget(const PreparedStudy& ready, const std::vector<Row>& rows) {
     progress_.begin("budget");
-    Budget budget = compute_budget(ready, rows, to(progress_));
+    Budget budget = compute_budget(ready, rows, progress_function(progress_));
     write_table(folder_ / "cases.csv", cases_csv(study_, ready.plan, rows));
     write_table(folder_ / "budget.csv", to_csv(budget));
     write_table(folder_ / "budget.md", to_markdown(budget));
     progress_.begin("pictures");
-    write_pictures(folder_, budget, to(progress_));
+    write_pictures(folder_, budget, progress_function(progress_));
     return budget;
   }
 
@@ -437,8 +437,8 @@ StudyResult run_study(const path& file, const StudyOptions& options, const Ranks
                         options.progress);
   progress.begin("prepare " + study.title);
   const bool needs_preparation = !remaining.empty() || !options.shard;
-  const PreparedStudy ready =
-      needs_preparation ? prepare_study(study, to(progress)) : PreparedStudy{study, plan, {}, {}};
+  const PreparedStudy ready = needs_preparation ? prepare_study(study, progress_function(progress))
+                                                : PreparedStudy{study, plan, {}, {}};
   if (!ready.configurations.empty())
     progress.replan(later_stages(work_size(ready.configurations.front().job)));
   progress.begin(case_part);
@@ -468,7 +468,7 @@ StudyResult merge_study(const path& file, const StudyOptions& options) {
   ProgressLine progress(preparation_stages(study) + result_stages(study, scene_size(study)),
                         options.progress);
   progress.begin("prepare " + study.title);
-  const PreparedStudy ready = prepare_study(study, to(progress));
+  const PreparedStudy ready = prepare_study(study, progress_function(progress));
   return ResultWriter(study, folder, options.report_language, progress).write(ready, contents.rows);
 }
 

@@ -119,8 +119,7 @@ class Copula {
   explicit Copula(const Eigen::MatrixXd& correlation);
 
   int inputs() const { return inputs_; }
-  /// Returns the groups of correlated inputs. Inputs outside all groups are independent of all
-  /// others.
+  /// Returns the groups of correlated inputs. An input outside all groups is independent.
   const std::vector<Group>& groups() const { return groups_; }
 
  private:

@@ -20,18 +20,18 @@ struct ResponseName {
   Response response;
   const char* name;
 };
-constexpr std::array names{ResponseName{Response::Pv, "pv"},
-                           ResponseName{Response::Rms, "rms"},
-                           ResponseName{Response::Mean, "mean"},
-                           ResponseName{Response::Std, "std"},
-                           ResponseName{Response::MaxAbs, "max_abs"},
-                           ResponseName{Response::P95Abs, "p95_abs"},
-                           ResponseName{Response::InTolerance, "in_tolerance"},
-                           ResponseName{Response::FormPv, "form_pv"},
-                           ResponseName{Response::FormRms, "form_rms"},
-                           ResponseName{Response::TextureSa, "texture_sa"},
-                           ResponseName{Response::TextureSq, "texture_sq"},
-                           ResponseName{Response::TextureSz, "texture_sz"}};
+constexpr std::array response_names{ResponseName{Response::Pv, "pv"},
+                                    ResponseName{Response::Rms, "rms"},
+                                    ResponseName{Response::Mean, "mean"},
+                                    ResponseName{Response::Std, "std"},
+                                    ResponseName{Response::MaxAbs, "max_abs"},
+                                    ResponseName{Response::P95Abs, "p95_abs"},
+                                    ResponseName{Response::InTolerance, "in_tolerance"},
+                                    ResponseName{Response::FormPv, "form_pv"},
+                                    ResponseName{Response::FormRms, "form_rms"},
+                                    ResponseName{Response::TextureSa, "texture_sa"},
+                                    ResponseName{Response::TextureSq, "texture_sq"},
+                                    ResponseName{Response::TextureSz, "texture_sz"}};
 
 std::string top_key(const std::string& path) { return path.substr(0, path.find('.')); }
 
@@ -44,12 +44,13 @@ void scale_element(std::vector<errors::Element>& elements, const std::string& na
 }
 
 /// Sets the coefficients of curves to the values of their inputs, in a single pass.
-void set_numbers(const Study& study, const Eigen::VectorXd& x, errors::GeometricErrors& errors) {
-  const std::vector<errors::Coefficient> numbers = errors::coefficients(errors.elements);
+void set_coefficients(const Study& study, const Eigen::VectorXd& x,
+                      errors::GeometricErrors& errors) {
+  const std::vector<errors::Coefficient> coefficients = errors::coefficients(errors.elements);
   Eigen::VectorXd values = errors::values(errors.elements);
-  for (std::size_t k = 0; k < numbers.size(); ++k) {
-    const std::string name = errors::name_of(numbers[k], errors.elements);
-    const bool is_angle = errors.elements[std::size_t(numbers[k].element)].name.is_angle();
+  for (std::size_t k = 0; k < coefficients.size(); ++k) {
+    const std::string name = errors::name_of(coefficients[k], errors.elements);
+    const bool is_angle = errors.elements[std::size_t(coefficients[k].element)].name.is_angle();
     for (std::size_t i = 0; i < study.inputs.size(); ++i)
       if (study.inputs[i].number == name)
         values[Eigen::Index(k)] = x[Eigen::Index(i)] * (is_angle ? units::urad : units::um);
@@ -75,7 +76,7 @@ std::vector<Override> variant_overrides(const Study& study, const Configuration&
 }  // namespace
 
 const char* name_of(Response response) {
-  return std::find_if(names.begin(), names.end(),
+  return std::find_if(response_names.begin(), response_names.end(),
                       [&](const ResponseName& entry) { return entry.response == response; })
       ->name;
 }
@@ -157,7 +158,7 @@ Scene scene_at(const Study& study, const Configuration& configuration, const Sce
                                     study.completion.end());
   }
   if (x.size() == 0) return scene;
-  set_numbers(study, x, scene.geometric);
+  set_coefficients(study, x, scene.geometric);
   for (Eigen::Index i = 0; i < x.size(); ++i)
     if (const Input& input = study.inputs[std::size_t(i)]; !input.element.empty())
       scale_element(scene.geometric.elements, input.element, x[i]);
@@ -182,7 +183,7 @@ bool is_reshaping(const Input& input) {
       "errors",  "setup",     "thermal", "history",    "room",         "room_C", "datum",
       "control", "vibration", "belief",  "compliance", "compensation", "signals"};
   return std::any_of(input.settings.begin(), input.settings.end(), [&](const Setting& setting) {
-    const std::string path = path_without_indices(setting.path);  // of several tools
+    const std::string path = path_without_indices(setting.path);  // a tool may have an index
     if (path.starts_with("tool.actual.") || path.starts_with("tool.wear.") ||
         path.starts_with("tool.compliance."))
       return false;

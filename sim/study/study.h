@@ -23,8 +23,7 @@ struct Scene;
 
 namespace abbe::sim::study {
 
-/// A value of the scene that an input sets to `factor` times the input, in the unit of the path's
-/// key.
+/// A value of the scene that is set to `factor` times an input, in the unit of the path's key.
 struct Setting {
   std::string path;  ///< a path as in --set: "errors.EXX.0.coefficients_um.1"
   double factor = 1.0;
@@ -212,14 +211,12 @@ Eigen::VectorXd spreads(const Study& study);
 /// @throws BadScene
 Study load_scene(Study study);
 
-/// Returns the scene of a configuration before any input is set. The scene of the study must be
-/// loaded.
+/// Returns a configuration's scene before any input is set. The study's scene must be loaded.
 /// @throws BadScene
 Scene base_scene(const Study& study, const Configuration& configuration);
 
-/// Returns the scene of a configuration with the inputs at x, with the case of that configuration
-/// only.
-/// @param base  scene that scene_of returns for the configuration
+/// Returns the scene of a configuration with the inputs at x and only its own case.
+/// @param base  scene that `base_scene` returns for the configuration
 /// @throws BadScene
 Scene scene_at(const Study& study, const Configuration& configuration, const Scene& base,
                const Eigen::VectorXd& x);

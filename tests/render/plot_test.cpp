@@ -298,7 +298,7 @@ class MachineDrawing : public test::Folder {
 };
 
 TEST_F(MachineDrawing, ShowsBodiesPartAndPath) {
-  write_machine(file("a.png"), picture());
+  write_machine_picture(file("a.png"), picture());
   const Image image(file("a.png"));
   EXPECT_GT(image.count([](Pixel p) { return p.g > p.r + 60 && p.g > p.b + 60; }), 50000);
   EXPECT_GT(image.count([](Pixel p) { return p.r > p.g + 80 && p.r > p.b + 80; }), 500);
@@ -306,22 +306,22 @@ TEST_F(MachineDrawing, ShowsBodiesPartAndPath) {
 }
 
 TEST_F(MachineDrawing, IsTheSameBytesTwice) {
-  write_machine(file("a.png"), picture());
-  write_machine(file("b.png"), picture());
+  write_machine_picture(file("a.png"), picture());
+  write_machine_picture(file("b.png"), picture());
   EXPECT_TRUE(bytes(file("a.png")) == bytes(file("b.png")));
 }
 
 TEST_F(MachineDrawing, RefusesWhatCannotBeDrawn) {
-  EXPECT_THROW(write_machine(file("a.png"), {}), std::invalid_argument);
+  EXPECT_THROW(write_machine_picture(file("a.png"), {}), std::invalid_argument);
   MachinePicture m = picture();
   m.bodies[0].T.translation().x() = std::nan("");
-  EXPECT_THROW(write_machine(file("a.png"), m), std::invalid_argument);
+  EXPECT_THROW(write_machine_picture(file("a.png"), m), std::invalid_argument);
   m = picture();
   m.part_triangles(0, 0) = 1 << 30;
-  EXPECT_THROW(write_machine(file("a.png"), m), std::invalid_argument);
+  EXPECT_THROW(write_machine_picture(file("a.png"), m), std::invalid_argument);
   m = picture();
   m.bodies.clear();
-  write_machine(file("a.png"), m);  // a part alone is a picture
+  write_machine_picture(file("a.png"), m);  // a part alone is a picture
 }
 
 class Bars : public test::Folder {};

@@ -31,7 +31,7 @@ TEST(BeliefFile, EveryPackagedErrorFileReadsBackAsItWas) {
     for (auto& element : known.elements)
       std::erase_if(element.curves, [](const auto& curve) { return errors::is_random(curve); });
     std::erase_if(known.elements, [](const auto& element) { return element.curves.empty(); });
-    const auto file = folder.write("b.toml", to_errors_file(known, scene.machine.joints));
+    const auto file = folder.write("b.toml", errors_file_text(known, scene.machine.joints));
     const Scene again = read_scene(packaged(name), {{"errors", "\"" + file.string() + "\""}});
     ASSERT_EQ(again.geometric.elements.size(), known.elements.size());
     for (std::size_t i = 0; i < known.elements.size(); ++i)
@@ -66,7 +66,7 @@ TEST(BeliefFile, ItsCovarianceReadsBack) {
   const SceneFolder folder;
   const Scene scene = read_scene(packaged("gantry_dome.toml"));
   const GeometricErrors belief = some_belief();
-  const std::string text = to_errors_file(belief, scene.machine.joints, {"a belief"});
+  const std::string text = errors_file_text(belief, scene.machine.joints, {"a belief"});
   const GeometricErrors again = scene_with_errors(text, folder).geometric;
   // elements come in the machine's order; each number keeps its own row
   ASSERT_EQ(again.covariance.of.size(), 3u);
@@ -85,9 +85,9 @@ TEST(BeliefFile, TwoErrorFilesKeepTheCovarianceOfEach) {
   const SceneFolder folder;
   const Scene scene = read_scene(packaged("gantry_dome.toml"));
   GeometricErrors belief = some_belief();
-  const auto one = folder.write("one.toml", to_errors_file(belief, scene.machine.joints));
+  const auto one = folder.write("one.toml", errors_file_text(belief, scene.machine.joints));
   const auto two =
-      folder.write("two.toml", "scale = 2\n" + to_errors_file(belief, scene.machine.joints));
+      folder.write("two.toml", "scale = 2\n" + errors_file_text(belief, scene.machine.joints));
   const GeometricErrors both =
       read_scene(packaged("gantry_dome.toml"),
                  {{"errors", "[\"" + one.string() + "\", \"" + two.string() + "\"]"}})
@@ -123,7 +123,7 @@ TEST(BeliefFile, ABrokenCovarianceIsRefusedByPlace) {
 TEST(BeliefFile, ChanceIsNotABelief) {
   GeometricErrors belief;
   belief.elements = {{errors::parse_element_name("EXX"), {{errors::Repeatability{1e-3, 1}}}}};
-  EXPECT_THROW(to_errors_file(belief, {}), std::invalid_argument);
+  EXPECT_THROW(errors_file_text(belief, {}), std::invalid_argument);
 }
 
 // um or urad: rounding of another processor, through a fit with directions that are hardly known

@@ -189,8 +189,8 @@ std::string table_of(const std::string& section, const std::set<std::string>& se
     std::string key = "`" + name + "`";
     if (row.required) key = "**" + key + "**";
     if (!row.condition.empty()) key += " with `" + row.condition + "`";
-    rows += "| " + key + " | " + cell(row.value) + " | " + cell(row.fallback) + " | " +
-            cell(row.sentence) + " |\n";
+    rows += "| " + key + " | " + cell(row.value) + " | " + cell(row.default_value) + " | " +
+            cell(row.description) + " |\n";
   }
   return rows;
 }
@@ -203,7 +203,7 @@ std::string correction_tables(const std::vector<std::string>& sections, const st
       const std::size_t dot = section.rfind('.');
       const std::string name = dot == std::string::npos ? section : section.substr(dot + 1);
       const std::vector<KeyRow> own = matching_key_rows(all, section);
-      text += "**`" + name + "`**: " + own.front().sentence + "\n\n";
+      text += "**`" + name + "`**: " + own.front().description + "\n\n";
     }
     text += "| key | value | default | description |\n|---|---|---|---|\n" +
             table_of(section, sections_of(document), all) + "\n";
@@ -252,7 +252,7 @@ TEST(KeyTables, EverySectionOfASceneHasATable) {
 
 TEST(KeyTables, EveryKeyHasASentence) {
   for (const KeyRow& row : key_rows(all_keys()))
-    EXPECT_FALSE(row.sentence.empty() && row.path.find('=') == std::string::npos) << row.path;
+    EXPECT_FALSE(row.description.empty() && row.path.find('=') == std::string::npos) << row.path;
 }
 
 }  // namespace

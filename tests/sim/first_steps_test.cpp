@@ -147,7 +147,7 @@ TEST(NewScene, PostsOfFourControlsLeaveTheMapOfTheCutterLocations) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Kinds, NewScene, testing::ValuesIn(new_kinds()),
+INSTANTIATE_TEST_SUITE_P(Kinds, NewScene, testing::ValuesIn(scene_kinds()),
                          [](const auto& kind) { return kind.param; });
 
 TEST(NewScene, RefusesAFolderWithFilesAndTouchesNone) {

@@ -257,12 +257,12 @@ TEST(MachineBodies, AreRefusedWhereTheyAreWrong) {
 TEST(LibraryList, NamesKindsAndMachinesWithAxesAndTravels) {
   const safety::Ran ran = run("new --list");
   EXPECT_EQ(ran.code, 0) << ran.text;
-  for (const std::string& kind : new_kinds()) EXPECT_HAS(ran.text, "\n  " + kind + " ") << kind;
+  for (const std::string& kind : scene_kinds()) EXPECT_HAS(ran.text, "\n  " + kind + " ") << kind;
   for (const std::string& machine : library_machines())
     EXPECT_HAS(ran.text, "\n  " + machine + " ") << machine;
   EXPECT_HAS(ran.text, "w C' B' b X Y Z s t; X 400, Y 200, Z 240 mm; B -50 .. 100, C any deg");
   const auto json = nlohmann::json::parse(run("new --list --json").text);
-  EXPECT_EQ(json["kinds"].size(), new_kinds().size());
+  EXPECT_EQ(json["kinds"].size(), scene_kinds().size());
   EXPECT_EQ(json["machines"].size(), library_machines().size());
   for (const auto& machine : json["machines"])
     if (machine["name"] == "trunnion_cb") {
@@ -284,9 +284,9 @@ TEST(LibraryList, NewWithoutKindOrFolderSaysWhatItWants) {
 
 std::string machine_table() {
   std::string rows = "| machine | what it is | structural code | travel |\n|---|---|---|---|\n";
-  for (const MachineEntry& machine : library_list(new_kinds()).machines)
-    rows += fmt::format("| `{}` | {} | `{}` | {} |\n", machine.name, machine.summary, machine.code,
-                        travel_text(machine));
+  for (const MachineEntry& machine : library_contents(scene_kinds()).machines)
+    rows += fmt::format("| `{}` | {} | `{}` | {} |\n", machine.name, machine.summary,
+                        machine.structural_code, travel_text(machine));
   return rows;
 }
 

@@ -35,7 +35,7 @@ render::MachinePicture zigzag_picture(bool without_blocks = false, const std::st
 TEST(MachinePicture, DrawsStretchesOfALongPathAndNoSheet) {
   const render::MachinePicture picture = zigzag_picture();
   double all = 0.0, longest = 0.0;
-  for (const render::Polyline& path : picture.paths) {
+  for (const render::DrawnPath& path : picture.paths) {
     double length = 0.0;
     for (Index i = 1; i < path.points.rows(); ++i)
       length += (path.points.row(i) - path.points.row(i - 1)).norm();

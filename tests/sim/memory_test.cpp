@@ -51,7 +51,7 @@ double estimate_of(const MeasuredMemory& one) {
   const Scene scene = read_scene(dome, one.overrides);
   const bool compares = std::string(one.command) == "compare";
   CaseRequest asked = compares ? compare_case_request({scene}) : run_case_request({});
-  asked.pictures = ABBE_RENDER != 0;
+  asked.draws_pictures = ABBE_RENDER != 0;
   const std::vector<WorkSize> sizes{work_size(sampled(prepare(scene)))};
   const tbb::global_control two(tbb::global_control::max_allowed_parallelism, 2);
   if (compares) asked.max_parallel = cases_at_once(sizes, asked);
@@ -179,18 +179,18 @@ TEST(Memory, GrowsWithAllThatIsAsked) {
   EXPECT_TRUE(more({.vertices = 2e6, .blocks = 1e5, .samples = 1e6}, one));
   EXPECT_TRUE(more({.vertices = 1e6, .blocks = 1e6, .samples = 1e6}, one));
   EXPECT_TRUE(more({.vertices = 1e6, .blocks = 1e5, .samples = 4e6}, one));
-  EXPECT_TRUE(more(size, {.kept = 3.0}));
-  EXPECT_TRUE(more(size, {.kept = 1.0, .compared = true}));
+  EXPECT_TRUE(more(size, {.kept_maps = 3.0}));
+  EXPECT_TRUE(more(size, {.kept_maps = 1.0, .has_comparison_picture = true}));
   EXPECT_GT(peak_memory({size, size}, one), least);
   const WorkSize long_program{.vertices = 1e4, .blocks = 1e5, .samples = 1e7};
   WorkSize in_stock = long_program;
-  in_stock.stock = true;
+  in_stock.has_stock = true;
   const double plain = peak_memory({long_program}, one);
   EXPECT_GT(peak_memory({in_stock}, one), plain);
   EXPECT_GT(peak_memory({long_program}, {.max_parallel = 2}), plain);
-  EXPECT_GT(peak_memory({long_program}, {.compensated = true}), plain);
-  EXPECT_GT(peak_memory({long_program}, {.compensated = true, .rewritten = true}),
-            peak_memory({long_program}, {.compensated = true}));
+  EXPECT_GT(peak_memory({long_program}, {.has_compensator = true}), plain);
+  EXPECT_GT(peak_memory({long_program}, {.has_compensator = true, .has_rewritten_commands = true}),
+            peak_memory({long_program}, {.has_compensator = true}));
 }
 
 TEST(Memory, CasesAreCutAtOnceWhereThatLeavesRoom) {
@@ -198,14 +198,14 @@ TEST(Memory, CasesAreCutAtOnceWhereThatLeavesRoom) {
   for (const int threads : {1, 2, 4}) {
     const tbb::global_control only(tbb::global_control::max_allowed_parallelism,
                                    std::size_t(threads));
-    EXPECT_EQ(cases_at_once({small}, {.kept = 3.0}), std::min(threads, 3));
+    EXPECT_EQ(cases_at_once({small}, {.kept_maps = 3.0}), std::min(threads, 3));
   }
   const tbb::global_control two(tbb::global_control::max_allowed_parallelism, 2);
-  EXPECT_EQ(cases_at_once({small}, {.kept = 1.0}), 1);
+  EXPECT_EQ(cases_at_once({small}, {.kept_maps = 1.0}), 1);
   WorkSize huge = small;
   huge.samples = memory_bytes() / 300.0;
-  EXPECT_EQ(cases_at_once({huge}, {.kept = 3.0}), 1);
-  const CaseRequest many{.kept = 100.0, .compensated = true};
+  EXPECT_EQ(cases_at_once({huge}, {.kept_maps = 3.0}), 1);
+  const CaseRequest many{.kept_maps = 100.0, .has_compensator = true};
   for (WorkSize job = small; job.samples < huge.samples; job.samples *= 1.3) {
     CaseRequest asked = many;
     asked.max_parallel = cases_at_once({job}, many);
@@ -216,7 +216,7 @@ TEST(Memory, CasesAreCutAtOnceWhereThatLeavesRoom) {
 }
 
 TEST(Memory, IsToldOfWhereItIsMuch) {
-  const CaseRequest two{.kept = 2.0};
+  const CaseRequest two{.kept_maps = 2.0};
   EXPECT_EQ(memory_remark({{.vertices = 1000, .blocks = 100, .samples = 1000}}, two), "");
   EXPECT_EQ(memory_remark({{.vertices = 1000, .blocks = 0, .samples = 1e7}}, two),
             "memory: about 7.1 GB for 10000000 samples of the program, 1000 vertices and 2 cases");
