@@ -726,11 +726,14 @@ Encounters encounters(const std::vector<CarrierBody>& bodies, const std::vector<
   result.queries += sample_count * pairs.size();
   const std::vector<std::size_t> starts = chunk_starts(motion, options.chunk);
   std::vector<EncounterSearchResult> chunks(starts.size() - 1);
-  std::atomic<std::size_t> finished_count{0};
+  std::atomic<std::size_t> next{0}, finished_count{0};
   tbb::parallel_for(
       tbb::blocked_range<std::size_t>(0, chunks.size(), 1),
       [&](const auto& range) {
-        for (std::size_t c = range.begin(); c < range.end(); ++c) {
+        for (std::size_t i = range.begin(); i < range.end(); ++i) {
+          // In the order of the motion, since the samples of a long program are made again for each
+          // look at a distant chunk.
+          const std::size_t c = next++;
           chunks[c] = std::move(ChunkSearch(search, starts[c], starts[c + 1]).result);
           if (options.progress) options.progress(double(++finished_count) / double(chunks.size()));
         }

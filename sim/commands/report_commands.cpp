@@ -63,6 +63,10 @@ HtmlReport result_page(const std::filesystem::path& results, const std::string& 
                      : is_folder ? read_page(results / "page.json", {results / "evaluation.json"})
                                  : saved_identification_page(results);
   page.language = language;
+  if (!is_study)
+    page.warnings.push_back(
+        "the page does not hold the files of readings, which the command on it needs; with "
+        "--report the command that reads them writes a page that does");
   return {page_html(page), page.warnings};
 }
 

@@ -379,7 +379,8 @@ CommandedSample CommandedSamples::operator[](std::size_t i) const {
 
 std::shared_ptr<const CommandedSamples::Range> CommandedSamples::range_with(
     std::size_t sample) const {
-  constexpr std::size_t max_kept = 3;  // one for each of two threads, and one between two windows
+  // The threads work on neighbouring chunks, which lie in two windows unless these are short.
+  constexpr std::size_t max_kept = 3;
   const auto window = std::size_t(std::ranges::upper_bound(starts_, sample) - starts_.begin()) - 1;
   const std::lock_guard lock(mutex_);
   const auto match = std::ranges::find(kept_, window, [](const auto& kept) { return kept.first; });

@@ -211,22 +211,35 @@ ControlView control_view(const Job& job, const Segment& tool, const Segment& pro
           job.design_w};
 }
 
+/// Returns the first segment of the tool for which the tables of a control are made.
+const Segment& table_segment(const Job& job) {
+  const auto segments = tool_segments(job);
+  const std::optional<int>& number = job.scene.compensation.table.tool;
+  if (!number || job.segments.empty()) return segments.front();
+  const auto match = std::ranges::find_if(
+      segments, [&](const Segment& segment) { return segment.scene.tool.number == number; });
+  if (match == segments.end())
+    throw BadInput(job.scene.file.string(), 0, 0,
+                   "compensation.table.tool, a tool that the program calls",
+                   fmt::format("T{}", *number));
+  return *match;
+}
+
 }  // namespace
 
 ControlView make_control_view(const Job& job, const Segment& segment) {
   return control_view(job, segment, segment);
 }
 
-ControlView make_table_view(const Job& job) {
-  return control_view(job, tool_segments(job).front(), job);
-}
+ControlView make_table_view(const Job& job) { return control_view(job, table_segment(job), job); }
 
 std::string table_tool_text(const Job& job) {
   if (job.segments.empty()) return {};
-  const ToolDescription& tool = job.segments.front().scene.tool;
+  const ToolDescription& tool = table_segment(job).scene.tool;
   return fmt::format(
-      "the tables correct the tip of T{}, the first tool of the program, {:g} mm long; of another "
-      "length they leave what errors of angle do over the difference",
+      "the tables correct the tip of T{}, {:g} mm long (compensation.table.tool); of another "
+      "length "
+      "they leave what errors of angle do over the difference",
       *tool.number, tool.length);
 }
 
@@ -290,8 +303,8 @@ compensation::ControlLog control_log(const Segment& segment, const Commands& com
 
 LearnedCorrection learn_correction(const Job& job, const CaseDescription& compensator,
                                    const Progress& progress) {
-  const Segment& first = tool_segments(job).front();
-  return learn_correction(make_control_view(job, first), make_machine_access(job, first, {}),
+  const Segment& tool = table_segment(job);
+  return learn_correction(make_control_view(job, tool), make_machine_access(job, tool, {}),
                           compensator, progress);
 }
 
@@ -484,6 +497,9 @@ RewrittenWindows::RewrittenWindows(const Job& job, const WindowedCorrections& co
                       rewritten_sampling(corrections.view(i))});
     tools_.back().corrected.points.clear();
     tools_.back().sampling.before = last_state_;
+    // The view of a tool has no samples but those of the first window.
+    tools_.back().sampling.max_samples =
+        std::max<std::size_t>(1'000'000, 20 * job.windows->max_window_samples);
     divide(tools_.back(), block, ranges_[i]);
     original_block = next_original_block;
     block = next_block;

@@ -31,8 +31,9 @@ CaseDescription::Channel channel_of(const Scene& scene, const CaseDescription& c
 /// must outlive the result.
 ControlView make_control_view(const Job& job, const Segment& segment);
 
-/// Returns the view for which the tables of a control are made: the first tool of the program, and
-/// the program of all tools.
+/// Returns the view for which the tables of a control are made: the tool of the scene's key, or the
+/// first of the program, and the program of all tools.
+/// @throws BadInput if the program does not call that tool
 ControlView make_table_view(const Job& job);
 /// Returns a text that names the tool of that view; empty for a single tool.
 std::string table_tool_text(const Job& job);
@@ -48,7 +49,7 @@ MachineAccess make_machine_access(const Job& job, const Segment& segment, const 
 compensation::ControlLog control_log(const Segment& segment, const Commands& commands,
                                      const Process& process);
 
-/// Learns the correction of a case for the first tool of the program.
+/// Learns the correction of a case for the tool of `make_table_view`.
 /// @throws BadInput, PlugInFailure  as `learn_correction` with a control view
 LearnedCorrection learn_correction(const Job& job, const CaseDescription& compensator,
                                    const Progress& progress = {});

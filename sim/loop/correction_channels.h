@@ -55,16 +55,19 @@ RewrittenPath rewrite(std::span<const CorrectedProgram> corrected,
                       const program::NcOptions& control);
 
 /// Returns the number of the first block of a rewritten program, `from` or a later one, that comes
-/// from an original block or from one after it.
+/// from an original block or from one after it; the number of blocks if there is none.
+/// @param original_block  its number in the program of all tools
 std::size_t find_rewritten_block(const RewrittenPath& rewritten, std::size_t original_block,
                                  std::size_t from);
 
-/// Returns the sampling of the rewritten program of a tool, from its beginning.
+/// Returns the sampling of the rewritten program of a tool, from its beginning, with a limit of 20
+/// times the samples of the original.
 program::SampleOptions rewritten_sampling(const ControlView& view);
 
 /// Returns the commands of a range of the rewritten program of a tool.
 /// @param view         with the original program of the tool
 /// @param path         of the range
+/// @param sampling     of the tool, continued if the range continues another
 /// @param first_block  number of the first block of that original program in the whole program
 Commands rewritten_commands(const ControlView& view, program::Path path,
                             const program::SampleOptions& sampling,

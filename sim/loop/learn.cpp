@@ -298,8 +298,28 @@ CaseDescription with_plug_in_settings(const ControlView& view, CaseDescription c
 
 }  // namespace
 
-LearnedCorrection learn_correction(const ControlView& view, const MachineAccess& machine_access,
-                                   const CaseDescription& description, const Progress& progress) {
+namespace {
+
+/// Calls `compute` and converts its exceptions into input errors that name the compensator.
+template <class Computation>
+auto with_input_errors(const ControlView& view, const CaseDescription& description,
+                       const Computation& compute) {
+  const auto input_error = [&](const std::string& actual) {
+    return BadInput(view.file.string(), 0, 0,
+                    "a compensator that works with this program: " + description.name, actual);
+  };
+  try {
+    return compute();
+  } catch (const std::out_of_range& exception) {  // outside a table of the belief
+    throw input_error(exception.what());
+  } catch (const std::invalid_argument& exception) {
+    throw input_error(exception.what());
+  }
+}
+
+/// Learns in passes, as `learn_correction`, whose exceptions may be others than BadInput.
+LearnedCorrection learn_in_passes(const ControlView& view, const MachineAccess& machine_access,
+                                  const CaseDescription& description, const Progress& progress) {
   const CaseDescription compensator = with_plug_in_settings(view, description);
   CorrectionLearner learner(view, machine_access, compensator);
   const auto current_corrector = [&] {
@@ -325,41 +345,27 @@ LearnedCorrection learn_correction(const ControlView& view, const MachineAccess&
   return current_corrector();
 }
 
-namespace {
-
-/// Calls `compute` and converts its exceptions into input errors that name the compensator.
-template <class Computation>
-auto with_input_errors(const ControlView& view, const CaseDescription& description,
-                       const Computation& compute) {
-  const auto input_error = [&](const std::string& actual) {
-    return BadInput(view.file.string(), 0, 0,
-                    "a compensator that works with this program: " + description.name, actual);
-  };
-  try {
-    return compute();
-  } catch (const std::out_of_range& exception) {  // outside a table of the belief
-    throw input_error(exception.what());
-  } catch (const std::invalid_argument& exception) {
-    throw input_error(exception.what());
-  }
-}
-
 }  // namespace
+
+LearnedCorrection learn_correction(const ControlView& view, const MachineAccess& machine_access,
+                                   const CaseDescription& description, const Progress& progress) {
+  return with_input_errors(view, description, [&] {
+    return learn_in_passes(view, machine_access, description, progress);
+  });
+}
 
 Commands compensated_commands(const ControlView& view, const MachineAccess& machine_access,
                               const CaseDescription& description, const Progress& progress) {
-  const LearnedCorrection correction = with_input_errors(view, description, [&] {
-    return learn_correction(view, machine_access, description, progress);
-  });
+  const LearnedCorrection correction =
+      learn_correction(view, machine_access, description, progress);
   if (progress) progress("correct", 0.0);
   return compensated_commands(view, machine_access, description, correction);
 }
 
 CorrectedProgram corrected_program(const ControlView& view, const MachineAccess& machine_access,
                                    const CaseDescription& description, const Progress& progress) {
-  const LearnedCorrection correction = with_input_errors(view, description, [&] {
-    return learn_correction(view, machine_access, description, progress);
-  });
+  const LearnedCorrection correction =
+      learn_correction(view, machine_access, description, progress);
   if (progress) progress("correct", 0.0);
   return corrected_program(single_range(view), view, machine_access, description, correction);
 }

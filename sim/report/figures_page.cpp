@@ -1,6 +1,7 @@
 #include "sim/report/figures_page.h"
 
 #include <algorithm>
+#include <map>
 #include <set>
 #include <stdexcept>
 
@@ -119,12 +120,28 @@ void check_block(const ordered_json& json, const std::set<std::string>& known_la
     for (const ordered_json& element : json) check_block(element, known_labels);
 }
 
+/// Throws std::invalid_argument for a type of block that the script of the page does not draw, or
+/// one without the lists that it reads.
+void check_lists(const ordered_json& block) {
+  static const std::map<std::string, std::vector<std::string>> lists{
+      {"table", {"columns", "rows"}}, {"pictures", {"pictures"}}, {"bars", {"series", "rows"}},
+      {"panels", {"panels"}},         {"histogram", {"series"}},  {"polar", {"panels"}}};
+  const auto type = lists.find(block.at("type").get<std::string>());
+  if (type == lists.end()) throw std::invalid_argument("the page has no block of this type");
+  if (block.at("title").is_primitive() && !block.at("title").is_string())
+    throw std::invalid_argument("a block without a title");
+  for (const std::string& key : type->second)
+    if (!block.at(key).is_array()) throw std::invalid_argument("a block without its list " + key);
+}
+
 /// Throws std::invalid_argument if a page has no valid blocks or request.
 void check_page(const FiguresPage& page) {
+  if (!page.blocks.is_array()) throw std::invalid_argument("blocks that are no list");
   std::set<std::string> known_labels;
   for (const ReportLabel& label : all_labels()) known_labels.insert(std::string(label.key));
   for (const ordered_json& block : page.blocks) {
-    for (const char* key : {"type", "id"}) block.at(key).get<std::string>();
+    block.at("id").get<std::string>();
+    check_lists(block);
     check_block(block, known_labels);
   }
   for (const auto& [key, value] : page.request) check_block({{"label", key}}, known_labels);
@@ -158,7 +175,7 @@ std::string closing_section(const FiguresPage& page) {
 std::vector<PageFile> page_files(const std::vector<std::filesystem::path>& files) {
   std::vector<PageFile> contents;
   for (const std::filesystem::path& file : files)
-    if (std::filesystem::exists(file))
+    if (std::error_code ignored; std::filesystem::exists(file, ignored))
       contents.push_back({file.filename().string(), read_text(file, max_saved_bytes)});
   return contents;
 }
@@ -176,7 +193,8 @@ FiguresPage read_page(const std::filesystem::path& file,
   const std::string expected =
       "a page saved by abbe study, identify or evaluate; run that command again (a study with "
       "another --out)";
-  if (!std::filesystem::exists(file))
+  std::error_code ignored;
+  if (!std::filesystem::exists(file, ignored))
     throw BadInput(file.string(), 0, 0, expected, "no such file, as in results of older versions");
   FiguresPage page;
   read_saved_json(file, expected, [&](const ordered_json& json, const std::string&) {
@@ -191,7 +209,8 @@ FiguresPage read_page(const std::filesystem::path& file,
   std::vector<std::filesystem::path> written = files;
   written.insert(written.begin(), file);
   for (const std::filesystem::path& path : written)
-    if (std::filesystem::exists(path) && !writing_command(read_manifest(path.parent_path()), path))
+    if (std::filesystem::exists(path, ignored) &&
+        !writing_command(read_manifest(path.parent_path()), path))
       page.warnings.push_back(fmt::format(
           "{} was changed after abbe wrote it, or the manifest of its folder is missing",
           path.filename().string()));

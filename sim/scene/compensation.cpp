@@ -267,8 +267,9 @@ Fields<Description::Table> table_fields(const std::vector<kinematics::Joint>& jo
                {"heidenhain", ControlFormat::Heidenhain}},
               "the table is exported to a file of that control, within its limits, and read back")
       .table(KeyName("reference").with_fallback("the middle of the program"), &Table::reference,
-             axis_position_fields(joints),
-             "positions of the other axes: { Z_mm = 100, C_deg = 0 }");
+             axis_position_fields(joints), "positions of the other axes: { Z_mm = 100, C_deg = 0 }")
+      .integer(KeyName("tool").with_fallback("the first of the program"), &Table::tool, 0, 99999999,
+               "number of the tool whose tip the tables correct; they act under every tool");
 }
 
 Fields<Piezo> piezo_fields() {

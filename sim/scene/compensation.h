@@ -64,6 +64,8 @@ struct CompensationDescription {
                                                         ///< a file of this control
     std::optional<kinematics::AxisVector> reference;    ///< (joints) positions of the other axes;
                                                         ///< none means the middle of the program
+    std::optional<int> tool;  ///< number of the tool whose tip the tables correct; none means the
+                              ///< first of the program
   } table;
   compensation::Piezo piezo;
   CaseDescription plug_in;  ///< strategy and channel of plug-ins

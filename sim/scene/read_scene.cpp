@@ -153,6 +153,18 @@ void check_several_tools(TableReader& reader, const Scene& scene) {
       "one tool with tool_length_mm; with several, actual.length_mm states the error of each");
 }
 
+// Checks that the scene has the tool for which the tables of the control are made.
+void check_tool_of_tables(TableReader& reader, const Scene& scene) {
+  const std::optional<int>& number = scene.compensation.table.tool;
+  if (!number || std::ranges::any_of(all_tools(scene), [&](const ToolDescription& tool) {
+        return tool.number == number;
+      }))
+    return;
+  const Node& table = *reader.accept_key("compensation")->find("table");
+  reader.input_errors().add(table.find("tool")->position, "the tool.number of a tool of the scene",
+                            std::to_string(*number));
+}
+
 // Checks that the tools can be used with a tool table, which has the lengths that the control
 // believes, by tool number.
 void check_tool_table(TableReader& reader, const Scene& scene) {
@@ -206,6 +218,7 @@ void check_consistency(TableReader& reader, const Scene& scene) {
                               "a turning tool");
   }
   check_several_tools(reader, scene);
+  check_tool_of_tables(reader, scene);
   check_tool_table(reader, scene);
   if (generator) check_generator(*generator, scene, reader.input_errors());
 }

@@ -210,7 +210,8 @@ TEST_F(StudyPages, ABrokenOrForeignFolderIsRefusedByFile) {
   };
   for (const auto& [key, value] : saved.items()) {
     refused(saved.patch({{{"op", "remove"}, {"path", "/" + key}}}).dump(), key);
-    refused(changed("/" + key, 3), "json.exception.type_error");
+    refused(changed("/" + key, 3),
+            key == "blocks" ? "blocks that are no list" : "json.exception.type_error");
   }
   refused(changed("/blocks/0/id", 3), "type must be string");
   refused(changed("/blocks/0/title/label", "nonsense"), "no label nonsense");
@@ -219,6 +220,15 @@ TEST_F(StudyPages, ABrokenOrForeignFolderIsRefusedByFile) {
       "/blocks/0/rows/0/" + std::to_string(column(block(index, "figures"), "machines_mean"));
   refused(changed(cell + "/value", "\"><img src=x onerror=alert(1)>"), "not a figure");
   refused(changed("/blocks/0/src", "x\" onerror=\"alert(1)"), "picture");
+  refused(changed("/blocks", nullptr), "blocks that are no list");
+  refused(changed("/blocks", ordered_json{{"a", saved["blocks"][0]}}), "blocks that are no list");
+  refused(changed("/blocks/0/type", "nosuch"), "no block of this type");
+  refused(changed("/blocks/0/title", 5), "a block without a title");
+  refused(changed("/blocks/0/rows", nullptr), "a block without its list rows");
+  refused(changed("/blocks/0", {{"type", "table"}, {"id", "x"}, {"title", "t"}}), "columns");
+  fs::remove(broken / "page.json");
+  fs::create_symlink("page.json", broken / "page.json");
+  refused("", "no such file");
 }
 
 TEST_F(StudyPages, AChangedPageIsSaidAndAnInjuredOneIsHarmless) {

@@ -327,7 +327,15 @@ TEST_F(SeveralTools, TablesOfTheFirstActUnderAll) {
     EXPECT_GT(largest, 5e-3);
     EXPECT_LT(apart, 1e-12);
     EXPECT_GT(longest, 2e-3) << "so tables for its own tip would be others";
+    // The scene may name the second instead.
+    Job second = both;
+    second.scene.compensation.table.tool = 2;
+    const Commands others = compensate(second, compensator);
+    EXPECT_HAS(others.warnings.front(), "the tables correct the tip of T2, 80 mm long");
+    EXPECT_GT((others.segments[0].correction[0] - commands.segments[0].correction[0]).norm(), 1e-3);
   }
+  expect_refused(scene(listed({t1, t2}), first, "[compensation.table]\ntool = 3\n"),
+                 "expected the tool.number of a tool of the scene, seen 3");
 }
 
 const std::string block =
