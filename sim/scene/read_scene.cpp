@@ -218,7 +218,6 @@ void check_consistency(TableReader& reader, const Scene& scene) {
                               "a turning tool");
   }
   check_several_tools(reader, scene);
-  check_tool_of_tables(reader, scene);
   check_tool_table(reader, scene);
   if (generator) check_generator(*generator, scene, reader.input_errors());
 }
@@ -287,7 +286,10 @@ Scene interpret_tree(const Node& tree, const std::filesystem::path& file,
   // After an input error a section may hold defaults, for which these checks would mislead.
   if (input_errors.list().size() == error_count) check_consistency(reader, scene);
   scene = judging_scene_fields().read(reader, std::move(scene));
-  if (input_errors.list().size() == error_count) check_beliefs(scene, scene.cases, reader);
+  if (input_errors.list().size() == error_count) {
+    check_tool_of_tables(reader, scene);
+    check_beliefs(scene, scene.cases, reader);
+  }
   scene.variants = read_variants(reader);
   reader.close();
   return scene;
