@@ -21,7 +21,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Whether a field of the skin includes the values beyond the band.
+/// Inclusion of the values beyond the band in a field of the skin.
 enum class ValuesBeyondBand { Included, Excluded };
 
 /// Returns the deviations as a field on the skin of the body. Compared vertices have the status

@@ -336,12 +336,13 @@ class JobSearch {
     result_.gouge = job.scene.collision.gouge;
   }
 
-  /// Searches the next tool.
-  void add(const CommandedSamples& samples, const std::function<MillingSteps()>& steps) {
-    const ActualMotion actual_motion{tool_segments(job_)[number_], samples};
-    stock_ = SegmentSearch(job_, actual_motion, number_, result_)
-                 .run(steps, std::move(stock_), progress_);
-    ++number_;
+  /// Searches a tool, in the order of the program.
+  /// @param tool  index in `tool_segments`
+  void add(std::size_t tool, const CommandedSamples& samples,
+           const std::function<MillingSteps()>& steps) {
+    const ActualMotion actual_motion{tool_segments(job_)[tool], samples};
+    stock_ =
+        SegmentSearch(job_, actual_motion, tool, result_).run(steps, std::move(stock_), progress_);
   }
 
   Collisions take(std::vector<std::string> subprogram_files, std::string beyond_travel) {
@@ -356,7 +357,6 @@ class JobSearch {
   const Job& job_;
   const Progress& progress_;
   Stopwatch watch_;
-  std::size_t number_ = 0;  // of the tool
   std::optional<cutting::Stock> stock_;
   Collisions result_;
 };
@@ -377,7 +377,7 @@ Collisions collisions(const Job& job, const Commands& commands, const std::strin
     } catch (const BadInput& beyond) {
       if (beyond_travel.empty()) beyond_travel = beyond.what();
     }
-    search.add({segment, tool_commands},
+    search.add(i, {segment, tool_commands},
                [&] { return make_milling_steps(segment, tool_commands); });
   }
   return search.take(path_of(segments.front(), part_commands(commands, 0)).subprogram_files,
@@ -390,7 +390,7 @@ Collisions collisions(const Job& job, const WindowedProgram& program, const std:
   const std::vector<WindowRange> ranges = window_ranges(job);
   for (std::size_t i = 0; i < ranges.size(); ++i)
     if (ranges[i].first < ranges[i].last)
-      search.add({job, i, program}, [&] { return make_milling_steps(job, i, program); });
+      search.add(i, {job, i, program}, [&] { return make_milling_steps(job, i, program); });
   return search.take(program.path.subprogram_files, {});
 }
 

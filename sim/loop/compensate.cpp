@@ -238,8 +238,7 @@ std::string table_tool_text(const Job& job) {
   const ToolDescription& tool = table_segment(job).scene.tool;
   return fmt::format(
       "the tables correct the tip of T{}, {:g} mm long (compensation.table.tool); of another "
-      "length "
-      "they leave what errors of angle do over the difference",
+      "length they leave what errors of angle do over the difference",
       *tool.number, tool.length);
 }
 
@@ -494,12 +493,9 @@ RewrittenWindows::RewrittenWindows(const Job& job, const WindowedCorrections& co
     const std::size_t next_block = find_rewritten_block(rewritten_, next_original_block, block);
     tools_.push_back({std::move(corrected[i]),
                       program::path_segment(rewritten_.path, block, next_block), original_block,
-                      rewritten_sampling(corrections.view(i))});
+                      rewritten_sampling(corrections.view(i), job.windows->max_window_samples)});
     tools_.back().corrected.points.clear();
     tools_.back().sampling.before = last_state_;
-    // The view of a tool has no samples but those of the first window.
-    tools_.back().sampling.max_samples =
-        std::max<std::size_t>(1'000'000, 20 * job.windows->max_window_samples);
     divide(tools_.back(), block, ranges_[i]);
     original_block = next_original_block;
     block = next_block;

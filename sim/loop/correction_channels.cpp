@@ -243,12 +243,12 @@ std::size_t find_rewritten_block(const RewrittenPath& rewritten, std::size_t ori
       blocks.begin());
 }
 
-program::SampleOptions rewritten_sampling(const ControlView& view) {
+program::SampleOptions rewritten_sampling(const ControlView& view, std::size_t original_samples) {
   program::SampleOptions options = view.sampling;
   options.continued_from.reset();
   // A corrector with jumps would give a program of unlimited length. The limit of 20 times the
   // original samples stops it before the memory is exhausted.
-  options.max_samples = std::max<std::size_t>(1'000'000, 20 * view.samples.states.size());
+  options.max_samples = std::max<std::size_t>(1'000'000, 20 * original_samples);
   return options;
 }
 
@@ -282,7 +282,7 @@ Commands run_corrected_program(std::span<const ControlView> tools,
   for (std::size_t i = 0; i < tools.size(); ++i) {
     const std::size_t next_original_block = original_block + tools[i].path.blocks.size();
     const std::size_t next_block = find_rewritten_block(rewritten, next_original_block, block);
-    program::SampleOptions sampling = rewritten_sampling(tools[i]);
+    program::SampleOptions sampling = rewritten_sampling(tools[i], tools[i].samples.states.size());
     sampling.before = last_state;
     commands.push_back(
         rewritten_commands(tools[i], program::path_segment(rewritten.path, block, next_block),

@@ -62,7 +62,8 @@ std::size_t find_rewritten_block(const RewrittenPath& rewritten, std::size_t ori
 
 /// Returns the sampling of the rewritten program of a tool, from its beginning, with a limit of 20
 /// times the samples of the original.
-program::SampleOptions rewritten_sampling(const ControlView& view);
+/// @param original_samples  of the program, or of its longest window
+program::SampleOptions rewritten_sampling(const ControlView& view, std::size_t original_samples);
 
 /// Returns the commands of a range of the rewritten program of a tool.
 /// @param view         with the original program of the tool

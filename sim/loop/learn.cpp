@@ -296,10 +296,6 @@ CaseDescription with_plug_in_settings(const ControlView& view, CaseDescription c
   return compensator;
 }
 
-}  // namespace
-
-namespace {
-
 /// Calls `compute` and converts its exceptions into input errors that name the compensator.
 template <class Computation>
 auto with_input_errors(const ControlView& view, const CaseDescription& description,
